@@ -1,0 +1,1 @@
+//! The CPU device of airlight: every stage on rayon, in packets of sixteen rays.

@@ -1,0 +1,1 @@
+//! Benchmarks of airlight, a group a stage and a group a frame.

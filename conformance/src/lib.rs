@@ -1,0 +1,1 @@
+//! The suite every airlight device must pass.

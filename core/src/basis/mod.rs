@@ -1,0 +1,3 @@
+//! Bases of functions on the sphere, direction sets and quadrature.
+
+pub mod quadrature;

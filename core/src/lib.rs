@@ -1,0 +1,16 @@
+//! Everything in airlight that is the same on every device.
+//!
+//! Data flows one way: a [`scene::Scene`] names media, lights and a camera; an estimator plans the stages that
+//! prepare its in-scattered radiance; the executor runs what changed on a device; the march turns it into a film.
+//! This crate knows no device, no file format and no terminal.
+//!
+//! Units are SI: metres, radiance in W m⁻² sr⁻¹, irradiance in W m⁻², intensity in W sr⁻¹. The world is
+//! right-handed with +Y up. Directions ω point toward the source of light.
+
+pub mod basis;
+pub mod light;
+pub mod media;
+pub mod scene;
+pub mod version;
+
+pub use version::Version;

@@ -1,0 +1,121 @@
+//! Participating media: where density lives ([`Medium`], [`Lattice`]), what it does to light ([`Optics`], [`Phase`]).
+//!
+//! A medium is a scalar density ρ on a lattice, and optics that are the same everywhere: extinction σt(x) = ρ(x) ·
+//! `extinction`, scattering σs = albedo · σt, emission j(x) = ρe(x) · `emission`. Columns of ρ are scalars; colour
+//! enters at the exponential.
+
+mod grid;
+mod lattice;
+mod optics;
+mod phase;
+
+use std::fmt::Debug;
+
+pub use grid::{BRICK, Brick, Grid, GridMedium, Homogeneous, IndexBox, Storage, Tile};
+pub use lattice::Lattice;
+pub use optics::{Optics, OpticsError};
+pub use phase::{Phase, PhaseError, PhaseTable};
+
+use crate::Version;
+
+/// Why a medium cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MediumError {
+    /// An extent is zero or does not fit.
+    #[error("a grid of {x} × {y} × {z} voxels has no volume or is too large; each side must be from 1 to 2^31 - 1")]
+    Dims {
+        /// Voxels along x, y and z, as claimed.
+        x: u64,
+        /// See `x`.
+        y: u64,
+        /// See `x`.
+        z: u64,
+    },
+    /// The transform has no inverse or holds non-finite numbers.
+    #[error("the transform from index to world is singular or not finite: {0}")]
+    Transform(String),
+    /// The number of values is not the number of voxels.
+    #[error("{found} values for {expected} voxels")]
+    Length {
+        /// Voxels of the grid.
+        expected: u64,
+        /// Values that were given.
+        found: u64,
+    },
+    /// A density that no medium can have.
+    #[error("density {value} at voxel ({x}, {y}, {z}); densities must be finite and not negative")]
+    Density {
+        /// The offending value.
+        value: f32,
+        /// Index of the voxel.
+        x: i32,
+        /// See `x`.
+        y: i32,
+        /// See `x`.
+        z: i32,
+    },
+    /// Two grids of one medium do not share a lattice.
+    #[error("{0}")]
+    Mismatch(String),
+    /// The box of a medium without a grid.
+    #[error("the bounds {min:?} to {max:?} enclose no volume; each maximum must be above its minimum and finite")]
+    Bounds {
+        /// Lower corner in metres.
+        min: [f64; 3],
+        /// Upper corner in metres.
+        max: [f64; 3],
+    },
+}
+
+/// A participating medium's density on its lattice.
+///
+/// Object-safe, so that a scene may hold any medium. Implementations are immutable: what changes takes a new
+/// [`Version`], and everything derived from the old one is redone.
+pub trait Medium: Debug + Send + Sync {
+    /// The lattice the density is sampled on; the medium ends where the lattice's box ends.
+    fn lattice(&self) -> &Lattice;
+
+    /// Identity of the density; equal versions mean equal values.
+    fn version(&self) -> Version;
+
+    /// Writes the densities of slice `k` (0 ≤ k < dims.z), x fastest; `out` holds dims.x · dims.y values.
+    fn density_slice(&self, k: u32, out: &mut [f32]);
+
+    /// The field that emission is proportional to, on the same lattice, where it is not the density itself.
+    fn emission_density(&self) -> Option<EmissionDensity<'_>> {
+        None
+    }
+
+    /// The length in metres that a view `step` counts in: the shortest voxel edge, or what a medium without voxels states.
+    fn voxel(&self) -> f64 {
+        self.lattice().shortest_edge()
+    }
+}
+
+/// A second scalar field ρe on a medium's lattice: emission is j(x) = ρe(x) · `emission`.
+#[derive(Clone, Copy)]
+pub struct EmissionDensity<'a> {
+    grid: &'a GridMedium,
+}
+
+impl EmissionDensity<'_> {
+    /// Writes slice `k` of ρe, as [`Medium::density_slice`] does of ρ.
+    pub fn slice(&self, k: u32, out: &mut [f32]) {
+        self.grid.emission_slice(k, out);
+    }
+}
+
+/// The mean of `Medium::density_slice` over all voxels and its largest value, both in units of density.
+pub fn density_statistics(medium: &dyn Medium) -> (f64, f32) {
+    let dims = medium.lattice().dims();
+    let mut slice = vec![0.0f32; dims.x as usize * dims.y as usize];
+    let (mut sum, mut max) = (0.0f64, 0.0f32);
+    for k in 0..dims.z {
+        medium.density_slice(k, &mut slice);
+        for &v in &slice {
+            sum += f64::from(v);
+            max = max.max(v);
+        }
+    }
+    (sum / medium.lattice().voxels() as f64, max)
+}

@@ -1,0 +1,189 @@
+//! Which estimators light the medium, and their options.
+
+use crate::media::Phase;
+
+/// One estimator for each source of first-order light; without one, that light is left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// How light from the environment (and from the medium's own emission) is in-scattered.
+    pub environment: Option<EnvironmentEstimate>,
+    /// How light from analytic lights is in-scattered.
+    pub lights: Option<LightsEstimate>,
+}
+
+impl Default for Estimate {
+    fn default() -> Self {
+        Self {
+            environment: Some(EnvironmentEstimate::Records(Records::default())),
+            lights: Some(LightsEstimate::Direct(Direct::default())),
+        }
+    }
+}
+
+/// Estimators of an environment's light.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EnvironmentEstimate {
+    /// Records of directional light at the cells of a coarse grid (Delalandre, Gautron and Marvie 2013).
+    Records(Records),
+}
+
+/// Estimators of analytic lights.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LightsEstimate {
+    /// Every light at every view sample.
+    Direct(Direct),
+}
+
+/// Options of `records`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Records {
+    /// Cells along the longest side of the box; the others in proportion.
+    pub cells: u32,
+    /// Bands of spherical harmonics.
+    pub bands: u32,
+    /// Directions per record: 12·n² for a whole n.
+    pub directions: u32,
+    /// What a record holds.
+    pub content: Content,
+    /// How the march reads between records.
+    pub interpolation: Interpolation,
+    /// Which cells are left out because they are empty.
+    pub elimination: Elimination,
+}
+
+impl Default for Records {
+    fn default() -> Self {
+        Self {
+            cells: 50,
+            bands: 3,
+            directions: 48,
+            content: Content::Radiance,
+            interpolation: Interpolation::Trilinear,
+            elimination: Elimination::Exact,
+        }
+    }
+}
+
+/// What a record holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Moments of attenuated radiance; the whole light, and `bands` limits the reach of the phase function.
+    Radiance,
+    /// Moments of transmittance: a new light needs no new records; light truncated to `bands`, isotropic media only.
+    Transmittance,
+    /// Moments of transmittance times the phase function toward the eye; light truncated to `bands`.
+    Phase,
+}
+
+/// How the march reads between records.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Between the eight nearest records.
+    Trilinear,
+    /// The record of the cell.
+    Nearest,
+}
+
+/// Which cells are left out because they are empty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Elimination {
+    /// Cells that no sample with density can read: the picture is the same to the last bit.
+    Exact,
+    /// Cells where n³ evenly spread probes find no density, as published; may lose light.
+    Probes(u32),
+    /// None.
+    None,
+}
+
+/// Options of `direct`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Direct {
+    /// The medium's own shadow.
+    pub shadow: Shadow,
+}
+
+/// The medium's own shadow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Shadow {
+    /// A march toward the light from every view sample.
+    #[default]
+    March,
+    /// No shadow.
+    None,
+}
+
+/// Options out of range, or that do not fit the scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EstimateError {
+    /// A number out of range.
+    #[error("{key} = {value}; {range}")]
+    Range {
+        /// Name of the option.
+        key: &'static str,
+        /// Its value.
+        value: u32,
+        /// What would be right.
+        range: String,
+    },
+    /// Options that exclude each other.
+    #[error("{0}")]
+    Conflict(String),
+}
+
+impl Records {
+    /// The most cells along a side.
+    pub const MAX_CELLS: u32 = 1024;
+    /// The most bands of spherical harmonics.
+    pub const MAX_BANDS: u32 = 10;
+    /// The most probes along a side of a cell.
+    pub const MAX_PROBES: u32 = 64;
+    /// The largest n of 12·n² directions.
+    pub const MAX_NSIDE: u32 = 64;
+
+    /// The n of 12·n² directions, where there is one.
+    pub fn nside(&self) -> Option<u32> {
+        let n = (f64::from(self.directions) / 12.0).sqrt().round() as u32;
+        (n >= 1 && n <= Self::MAX_NSIDE && 12 * n * n == self.directions).then_some(n)
+    }
+
+    fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
+        let range = |key, value, max| {
+            if (1..=max).contains(&value) {
+                Ok(())
+            } else {
+                Err(EstimateError::Range { key, value, range: format!("it must be from 1 to {max}") })
+            }
+        };
+        range("cells", self.cells, Self::MAX_CELLS)?;
+        range("bands", self.bands, Self::MAX_BANDS)?;
+        if let Elimination::Probes(n) = self.elimination {
+            range("probes", n, Self::MAX_PROBES)?;
+        }
+        if self.nside().is_none() {
+            let n = (f64::from(self.directions) / 12.0).sqrt().ceil().clamp(1.0, Self::MAX_NSIDE.into()) as u32;
+            let range = format!("HEALPix takes 12·n² directions with n from 1 to 64; the next is {}", 12 * n * n);
+            return Err(EstimateError::Range { key: "directions", value: self.directions, range });
+        }
+        if self.content == Content::Transmittance && !phase.is_isotropic() {
+            return Err(EstimateError::Conflict(
+                "content = \"transmittance\" holds for an isotropic phase function only; \
+                 take \"radiance\" or \"phase\", or set anisotropy = 0"
+                    .into(),
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl Estimate {
+    /// Checks every option against its range and the medium's phase function.
+    ///
+    /// # Errors
+    /// The first option that is out of range or does not fit.
+    pub fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
+        match &self.environment {
+            Some(EnvironmentEstimate::Records(records)) => records.validate(phase),
+            None => Ok(()),
+        }
+    }
+}

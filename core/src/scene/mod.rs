@@ -1,0 +1,92 @@
+//! A scene: everything a picture depends on, in memory.
+
+mod camera;
+mod estimate;
+mod film;
+
+use std::sync::Arc;
+
+pub use camera::{Camera, CameraError};
+pub use estimate::{
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Records,
+    Shadow,
+};
+pub use film::Film;
+
+use crate::light::{Environment, EnvironmentError, Light};
+use crate::media::{Medium, MediumError, Optics, OpticsError};
+
+/// A scene.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The eye.
+    pub camera: Camera,
+    /// Where the density is.
+    pub medium: Arc<dyn Medium>,
+    /// What the medium does to light.
+    pub optics: Optics,
+    /// Distant light from all around.
+    pub environment: Option<Environment>,
+    /// Analytic lights.
+    pub lights: Vec<Light>,
+    /// How in-scattered light is estimated.
+    pub estimate: Estimate,
+    /// How the view ray is marched.
+    pub quality: Quality,
+}
+
+/// How the view ray is marched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// Length of a step, in units of [`Medium::voxel`]. A ray of length ℓ takes ceil(ℓ / step) equal steps.
+    pub step: f64,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self { step: 1.0 }
+    }
+}
+
+/// Why a scene cannot be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// The camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The medium.
+    #[error(transparent)]
+    Medium(#[from] MediumError),
+    /// The optics.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The environment.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// An estimator's options.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+    /// The march.
+    #[error("{0}")]
+    Quality(String),
+}
+
+impl Scene {
+    /// Checks everything that can be checked without a device. Lights and media check themselves when made.
+    ///
+    /// # Errors
+    /// The first thing that is out of range.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        self.camera.validate()?;
+        self.optics.validate()?;
+        if let Some(environment) = &self.environment {
+            environment.validate()?;
+        }
+        let step = self.quality.step;
+        // Below a thousandth of a voxel a ray through one voxel would take more steps than f32 can tell apart.
+        if !(step.is_finite() && step >= 1e-3) {
+            return Err(SceneError::Quality(format!("step {step} is not a finite number of at least 0.001 voxels")));
+        }
+        Ok(self.estimate.validate(&self.optics.phase)?)
+    }
+}

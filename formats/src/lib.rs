@@ -1,0 +1,1 @@
+//! Volumes, images, environments and scenes for airlight.

@@ -1,0 +1,1 @@
+//! Light and render participating media on any device.
