@@ -8,9 +8,13 @@
 //! right-handed with +Y up. Directions ω point toward the source of light.
 
 pub mod basis;
+pub mod device;
+pub mod estimator;
+pub mod exec;
 pub mod light;
 pub mod media;
 pub mod scene;
+pub mod stage;
 pub mod version;
 
 pub use version::Version;

@@ -1,0 +1,246 @@
+//! The device: memory and dispatch.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::time::Instant;
+
+use airlight_core::device::{
+    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, FieldSpec, Limits, ResourceId, ResourceSpec, StageTime,
+};
+use airlight_core::stage::Stage;
+use bytemuck::Pod;
+
+use crate::{Isa, kernels, memory};
+
+/// The processor's cores as a device.
+pub struct CpuDevice {
+    info: DeviceInfo,
+    isa: Isa,
+    resources: HashMap<ResourceId, Resource>,
+    times: Vec<StageTime>,
+}
+
+/// Memory in units of sixteen bytes, so that every element type is aligned.
+struct Resource {
+    memory: Vec<[u32; 4]>,
+    bytes: usize,
+    field: Option<FieldSpec>,
+}
+
+impl Resource {
+    fn bytes(&self) -> &[u8] {
+        &bytemuck::cast_slice(&self.memory)[..self.bytes]
+    }
+
+    fn bytes_mut(&mut self) -> &mut [u8] {
+        &mut bytemuck::cast_slice_mut(&mut self.memory)[..self.bytes]
+    }
+}
+
+impl Default for CpuDevice {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl CpuDevice {
+    /// The device with the best instruction set of this machine.
+    pub fn new() -> Self {
+        let isa = Isa::available().into_iter().max().unwrap_or(Isa::Baseline);
+        Self::of(isa)
+    }
+
+    /// The device with an instruction set of one's choice, where the machine has it.
+    pub fn with_isa(isa: Isa) -> Option<Self> {
+        Isa::available().contains(&isa).then(|| Self::of(isa))
+    }
+
+    fn of(isa: Isa) -> Self {
+        let cores = rayon::current_num_threads();
+        let memory_bytes = memory::physical();
+        let info = DeviceInfo {
+            backend: "cpu",
+            index: 0,
+            name: memory::processor(),
+            kind: DeviceKind::Cpu,
+            memory_bytes,
+            limits: Limits {
+                buffer_bytes: memory_bytes.unwrap_or(isize::MAX as u64),
+                binding_bytes: memory_bytes.unwrap_or(isize::MAX as u64),
+                // Kernels index the texels of a layer with 31 bits; `create` checks the product.
+                field_side: i32::MAX as u32,
+            },
+            features: vec![format!("{cores} threads"), isa.name().to_owned()],
+            filter_bits: 24,
+        };
+        Self { info, isa, resources: HashMap::new(), times: Vec::new() }
+    }
+
+    fn get(&self, id: ResourceId) -> Result<&Resource, DeviceError> {
+        self.resources.get(&id).ok_or_else(|| DeviceError::Invalid(format!("resource {} does not exist", id.0)))
+    }
+
+    fn get_mut(&mut self, id: ResourceId) -> Result<&mut Resource, DeviceError> {
+        self.resources.get_mut(&id).ok_or_else(|| DeviceError::Invalid(format!("resource {} does not exist", id.0)))
+    }
+}
+
+fn span(offset: u64, len: usize, bytes: usize) -> Result<Range<usize>, DeviceError> {
+    let start = usize::try_from(offset).ok().filter(|start| start.checked_add(len).is_some_and(|end| end <= bytes));
+    start.map(|start| start..start + len).ok_or_else(|| {
+        DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes"))
+    })
+}
+
+impl Device for CpuDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
+        if self.resources.contains_key(&id) {
+            return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
+        }
+        let field = match spec {
+            ResourceSpec::Field(field) => Some(*field),
+            ResourceSpec::Buffer { .. } => None,
+        };
+        if let Some(field) = field {
+            let layer = field.texels() / u64::from(field.layers.max(1));
+            if layer == 0 || layer > i32::MAX as u64 {
+                let limit = i32::MAX as u64;
+                return Err(DeviceError::Limit { what: "a field's layer", requested: layer, limit });
+            }
+        }
+        let requested = spec.bytes();
+        let missing = || DeviceError::OutOfMemory { requested, available: memory::physical() };
+        let bytes = usize::try_from(requested).map_err(|_| missing())?;
+        let mut memory = Vec::new();
+        memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;
+        memory.resize(bytes.div_ceil(16), [0; 4]);
+        self.resources.insert(id, Resource { memory, bytes, field });
+        Ok(())
+    }
+
+    fn destroy(&mut self, id: ResourceId) {
+        self.resources.remove(&id);
+    }
+
+    fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
+        let resource = self.get_mut(id)?;
+        if let Some(field) = resource.field {
+            let slice = field.slice_bytes();
+            if !offset.is_multiple_of(slice) || !(data.len() as u64).is_multiple_of(slice) {
+                return Err(DeviceError::Invalid(format!("fields are written in whole slices of {slice} bytes")));
+            }
+        }
+        let span = span(offset, data.len(), resource.bytes)?;
+        resource.bytes_mut()[span].copy_from_slice(data);
+        Ok(())
+    }
+
+    fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
+        let resource = self.get(id)?;
+        if resource.field.is_some() {
+            return Err(DeviceError::Invalid("fields are not read back; stages write buffers".into()));
+        }
+        let span = span(offset, out.len(), resource.bytes)?;
+        out.copy_from_slice(&resource.bytes()[span]);
+        Ok(())
+    }
+
+    fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
+        let mut target = self
+            .resources
+            .remove(&to)
+            .ok_or_else(|| DeviceError::Invalid(format!("resource {} does not exist", to.0)))?;
+        let done = self.get(from).and_then(|source| {
+            if source.bytes == target.bytes && source.field.is_none() && target.field.is_some() {
+                target.memory.copy_from_slice(&source.memory);
+                Ok(())
+            } else {
+                Err(DeviceError::Invalid("a field is published from a buffer of its size".into()))
+            }
+        });
+        self.resources.insert(to, target);
+        done
+    }
+
+    fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
+        stage.validate().map_err(DeviceError::Invalid)?;
+        if range.start > range.end || range.end > stage.axis() {
+            return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
+        }
+        let begin = Instant::now();
+        let mut memory = Memory { device: self, taken: Vec::new() };
+        let (isa, part) = (memory.device.isa, range.clone());
+        let done = match stage {
+            Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory),
+            Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
+            Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory),
+            Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
+        };
+        for (id, resource) in memory.taken {
+            self.resources.insert(id, resource);
+        }
+        done?;
+        self.times.push(StageTime { stage: stage.name(), range, time: begin.elapsed() });
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
+        Ok(std::mem::take(&mut self.times))
+    }
+}
+
+/// The resources of one dispatch. What is written is taken out of the device while the kernel runs, so that the rest
+/// can be read beside it.
+pub(crate) struct Memory<'d> {
+    device: &'d mut CpuDevice,
+    taken: Vec<(ResourceId, Resource)>,
+}
+
+impl Memory<'_> {
+    /// Takes the buffers that a stage writes.
+    pub(crate) fn take<T: Pod>(&mut self, buf: Buf<T>) -> Result<(), DeviceError> {
+        let missing = || DeviceError::Invalid(format!("resource {} does not exist", buf.id.0));
+        let resource = self.device.resources.remove(&buf.id).ok_or_else(missing)?;
+        self.taken.push((buf.id, resource));
+        Ok(())
+    }
+
+    /// What the taken buffers hold, in the order they were taken, and the rest of the device's memory.
+    pub(crate) fn split(&mut self) -> (Vec<&mut [u8]>, Readable<'_>) {
+        let taken = self.taken.iter_mut().map(|(_, r)| r.bytes_mut()).collect();
+        (taken, Readable { device: self.device })
+    }
+}
+
+/// Memory that a kernel reads.
+#[derive(Clone, Copy)]
+pub(crate) struct Readable<'d> {
+    device: &'d CpuDevice,
+}
+
+impl<'d> Readable<'d> {
+    /// The elements of a buffer.
+    pub(crate) fn buf<T: Pod>(self, buf: Buf<T>) -> Result<&'d [T], DeviceError> {
+        let all: &[T] = bytemuck::cast_slice(self.device.get(buf.id)?.bytes());
+        all.get(..buf.len as usize)
+            .ok_or_else(|| DeviceError::Invalid(format!("a buffer of {} elements holds {}", buf.len, all.len())))
+    }
+
+    /// The elements of a buffer, or none.
+    pub(crate) fn opt<T: Pod>(self, buf: Option<Buf<T>>) -> Result<&'d [T], DeviceError> {
+        buf.map_or(Ok(&[][..]), |buf| self.buf(buf))
+    }
+
+    /// The texels of a field, as floats.
+    pub(crate) fn field(self, field: Field) -> Result<&'d [f32], DeviceError> {
+        let resource = self.device.get(field.id)?;
+        if resource.field != Some(field.spec) {
+            return Err(DeviceError::Invalid(format!("resource {} is not the field {:?}", field.id.0, field.spec)));
+        }
+        Ok(bytemuck::cast_slice(resource.bytes()))
+    }
+}

@@ -1,0 +1,77 @@
+//! Instruction sets, chosen at run time.
+
+/// An instruction set that kernels are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Isa {
+    /// What every processor of the target has.
+    Baseline,
+    /// AVX2 with FMA and F16C.
+    Avx2,
+    /// AVX-512 F, BW, DQ and VL.
+    Avx512,
+}
+
+impl Isa {
+    /// The instruction sets of this machine, the best one last.
+    pub fn available() -> Vec<Self> {
+        #[cfg_attr(not(target_arch = "x86_64"), allow(unused_mut))]
+        let mut all = vec![Self::Baseline];
+        #[cfg(target_arch = "x86_64")]
+        {
+            let detected = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("fma")
+                && is_x86_feature_detected!("f16c")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2");
+            if detected {
+                all.push(Self::Avx2);
+                let wide = is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl");
+                if wide {
+                    all.push(Self::Avx512);
+                }
+            }
+        }
+        all
+    }
+
+    /// Name, as device features list it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Calls an `#[inline(always)]` function compiled for an instruction set. The set must be one that
+/// [`Isa::available`] gave, which [`CpuDevice`](crate::CpuDevice) sees to.
+macro_rules! compiled_for {
+    ($isa:expr, $function:ident($($arg:ident: $ty:ty),* $(,)?)) => {{
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
+        fn avx512($($arg: $ty),*) {
+            $function($($arg),*)
+        }
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2")]
+        fn avx2($($arg: $ty),*) {
+            $function($($arg),*)
+        }
+        match $isa {
+            // SAFETY: a device holds only instruction sets that were detected on this machine.
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)]
+            $crate::Isa::Avx512 => unsafe { avx512($($arg),*) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)]
+            $crate::Isa::Avx2 => unsafe { avx2($($arg),*) },
+            _ => $function($($arg),*),
+        }
+    }};
+}
+pub(crate) use compiled_for;

@@ -1,0 +1,29 @@
+//! Spherical harmonics of a packet of directions.
+
+use crate::packet::F;
+
+/// The most coefficients: ten bands.
+pub(crate) const MAX: usize = 100;
+
+/// Y_k(d) for all k below bands², by the recurrences of `airlight_core::basis::recurrence_table`.
+#[inline(always)]
+pub(crate) fn eval(table: &[f32], bands: usize, d: [F; 3], out: &mut [F; MAX]) {
+    let [x, y, z] = d;
+    // Real and imaginary part of (z + i x)^m.
+    let (mut re, mut im) = (F::ONE, F::ZERO);
+    for m in 0..bands {
+        let (mut below, mut this) = (F::ZERO, F::ZERO);
+        for l in m..bands {
+            let at = 2 * (l * (l + 1) / 2 + m);
+            let (a, b) = (table[at], table[at + 1]);
+            let next = if l == m { F::splat(a) } else { y * this * a - below * b };
+            (below, this) = (this, next);
+            let center = l * (l + 1);
+            out[center + m] = this * re;
+            if m > 0 {
+                out[center - m] = this * im;
+            }
+        }
+        (re, im) = (re * z - im * x, re * x + im * z);
+    }
+}

@@ -1,0 +1,195 @@
+//! `project`: records of directional light at the cells of a coarse grid.
+
+use std::ops::Range;
+
+use airlight_core::device::DeviceError;
+use airlight_core::stage::{Project, ProjectParams};
+use rayon::prelude::*;
+
+use super::phase::Phase;
+use super::sample::{Ray, Texels};
+use crate::Isa;
+use crate::device::Memory;
+use crate::isa::compiled_for;
+use crate::packet::{F, LANES, M, dot, lanes};
+
+/// Cells that one task takes: enough to fill packets between empty ones.
+const CHUNK: usize = 16 * LANES;
+
+struct Inputs<'a> {
+    p: &'a ProjectParams,
+    density: Texels<'a>,
+    emission: Texels<'a>,
+    directions: &'a [[f32; 4]],
+    weights: &'a [f32],
+    emission_weights: &'a [f32],
+    phase: Phase<'a>,
+}
+
+pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
+    memory.take(stage.records)?;
+    if let Some(buf) = stage.emission_records {
+        memory.take(buf)?;
+    }
+    let (mut out, read) = memory.split();
+    let p = &stage.params;
+    let density = Texels::new(read.field(stage.density)?, p.dims);
+    let inputs = Inputs {
+        p,
+        density,
+        emission: match stage.emission {
+            Some(field) => Texels::new(read.field(field)?, p.dims),
+            None => density,
+        },
+        directions: &read.buf(stage.directions)?[..p.directions as usize],
+        weights: read.buf(stage.weights)?,
+        emission_weights: read.opt(stage.emission_weights)?,
+        phase: Phase { kind: p.phase_kind, lobes: p.phase, table: read.opt(stage.phase_table)? },
+    };
+    let occupancy = read.opt(stage.occupancy)?;
+    let stride = (p.coefficients * p.record_channels()) as usize;
+    let emission_stride = p.emission_coefficients as usize * 3;
+    let (start, end) = (range.start as usize, range.end as usize);
+    let records: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
+    let records = &mut records[start * stride..end * stride];
+    let mut none = [];
+    let emitted: &mut [f32] = match out.pop() {
+        Some(bytes) => &mut bytemuck::cast_slice_mut(bytes)[start * emission_stride..end * emission_stride],
+        None => &mut none,
+    };
+    let chunk = |n: usize| (CHUNK * n).max(1);
+    // Without emission there is nothing to write, but each task still takes its (empty) part.
+    let mut emitted: Vec<&mut [f32]> = emitted.chunks_mut(chunk(emission_stride)).collect();
+    emitted.resize_with((end - start).div_ceil(CHUNK), Default::default);
+    records.par_chunks_mut(chunk(stride)).zip(emitted).enumerate().for_each(|(n, (records, emitted))| {
+        records.fill(0.0);
+        emitted.fill(0.0);
+        let first = start + n * CHUNK;
+        let cells = records.len() / stride;
+        let occupied = |i: &usize| occupancy.is_empty() || occupancy[first + i][1] > 0.0;
+        let mut places = (0..cells).filter(occupied);
+        let mut sums = vec![F::ZERO; stride + emission_stride];
+        loop {
+            // Lanes past the last cell repeat it and are not stored.
+            let mut lane = [usize::MAX; LANES];
+            let count = lane.iter_mut().zip(&mut places).map(|(lane, place)| *lane = place).count();
+            if count == 0 {
+                break;
+            }
+            let last = lane[count - 1];
+            lane[count..].fill(last);
+            let cells = lane.map(|i| first + i);
+            let (inputs, sums) = (&inputs, &mut sums[..]);
+            compiled_for!(isa, project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]));
+            for (i, &place) in lane[..count].iter().enumerate() {
+                let (record, glow) = sums.split_at(stride);
+                let to = &mut records[place * stride..][..stride];
+                to.iter_mut().zip(record).for_each(|(to, sum)| *to = sum.0[i]);
+                if emission_stride > 0 {
+                    let to = &mut emitted[place * emission_stride..][..emission_stride];
+                    to.iter_mut().zip(glow).for_each(|(to, sum)| *to = sum.0[i]);
+                }
+            }
+        }
+    });
+    Ok(())
+}
+
+/// Sixteen cells: sums over all directions, records first, then the emission's moments.
+#[inline(always)]
+fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
+    let p = inputs.p;
+    let [nx, ny, _, _] = p.cells.map(|n| n as usize);
+    let place = |at: [usize; LANES], side: f32| F(lanes!(i => at[i] as f32)) * side + (0.5 * side - 0.5);
+    let x = place(cells.map(|c| c % nx), p.cell[0]);
+    let y = place(cells.map(|c| c / nx % ny), p.cell[1]);
+    let z = place(cells.map(|c| c / nx / ny), p.cell[2]);
+    let origin = [x, y, z];
+    let view = view_direction(p, origin);
+    sums.fill(F::ZERO);
+    let coefficients = p.coefficients as usize;
+    let (channels, weight_channels) = (p.channels as usize, p.weight_channels as usize);
+    let stride = coefficients * p.record_channels() as usize;
+    for (n, direction) in inputs.directions.iter().enumerate() {
+        let world = [0, 1, 2].map(|a| F::splat(direction[a]));
+        let rows = [&p.index_x, &p.index_y, &p.index_z];
+        let index = rows.map(|r| F::splat(r[0] * direction[0] + r[1] * direction[1] + r[2] * direction[2]));
+        let ray = Ray::through(origin, index, inputs.density.size(), F::splat(f32::INFINITY), p.cell[3]);
+        let mut glow = [F::ZERO; 3];
+        let mut transmittance = if p.emission_coefficients > 0 {
+            emission_along(inputs, &ray, &mut glow)
+        } else {
+            let column = ray.column(inputs.density, None, M([u32::MAX; LANES]));
+            [0, 1, 2].map(|c| if c < channels { (column * -p.extinction[c]).exp_negative() } else { F::ZERO })
+        };
+        if p.toward_eye == 1 {
+            let phase = inputs.phase.eval(dot(world, view));
+            transmittance = transmittance.map(|t| t * phase);
+            glow = glow.map(|g| g * phase);
+        }
+        let weights = &inputs.weights[n * coefficients * weight_channels..][..coefficients * weight_channels];
+        if channels == 1 {
+            for (sum, &w) in sums[..stride].iter_mut().zip(weights) {
+                *sum = *sum + transmittance[0] * w;
+            }
+        } else {
+            for k in 0..coefficients {
+                for c in 0..3 {
+                    let w = weights[k * weight_channels + if weight_channels == 3 { c } else { 0 }];
+                    sums[k * 3 + c] = sums[k * 3 + c] + transmittance[c] * w;
+                }
+            }
+        }
+        let emission = p.emission_coefficients as usize;
+        for k in 0..emission {
+            let w = inputs.emission_weights[n * emission + k];
+            for c in 0..3 {
+                let sum = &mut sums[stride + k * 3 + c];
+                *sum = *sum + glow[c] * w;
+            }
+        }
+    }
+}
+
+/// Unit direction in the world from the eye to each point of index space.
+#[inline(always)]
+fn view_direction(p: &ProjectParams, at: [F; 3]) -> [F; 3] {
+    let v = [0, 1, 2].map(|a| at[a] - p.eye[a]);
+    let w = [&p.world_x, &p.world_y, &p.world_z].map(|r| v[0] * r[0] + v[1] * r[1] + v[2] * r[2]);
+    // A cell at the eye has no direction; any will do.
+    let length = dot(w, w).sqrt().max(F::splat(f32::MIN_POSITIVE));
+    w.map(|c| c / length)
+}
+
+/// Radiance that the medium sends along the ray to its origin, and the ray's transmittance.
+#[inline(always)]
+fn emission_along(inputs: &Inputs<'_>, ray: &Ray, glow: &mut [F; 3]) -> [F; 3] {
+    let p = inputs.p;
+    let mut transmittance = [F::ONE; 3];
+    let last = ray.steps.max_lane();
+    let mut k = 0.0;
+    while k < last {
+        let active = F::splat(k).lt(ray.steps);
+        let at = ray.at(ray.middle(k));
+        let density = active.select(inputs.density.sample(at), F::ZERO);
+        let source = active.select(inputs.emission.sample(at), F::ZERO);
+        for c in 0..3 {
+            let extinction = p.extinction[if p.channels == 3 { c } else { 0 }];
+            let (e, mean) = segment(density * ray.step * extinction);
+            glow[c] = glow[c] + transmittance[c] * ray.step * mean * (source * p.emission[c]);
+            transmittance[c] = transmittance[c] * e;
+        }
+        k += 1.0;
+    }
+    transmittance
+}
+
+/// e^-τ, and the mean of e^-s over s from 0 to τ: (1 - e^-τ)/τ, by its series where τ is small.
+#[inline(always)]
+pub(crate) fn segment(tau: F) -> (F, F) {
+    let e = (-tau).exp_negative();
+    let series = (((tau * (-1.0 / 120.0) + 1.0 / 24.0) * tau - 1.0 / 6.0) * tau + 0.5) * tau * -1.0 + 1.0;
+    let small = tau.lt(F::splat(0.05));
+    let mean = small.select(series, (F::ONE - e) / tau.max(F::splat(0.05)));
+    (small.select(F::ONE - tau * mean, e), mean)
+}

@@ -1,0 +1,221 @@
+//! Lookups of fields, and rays through their box.
+
+use crate::packet::{F, I, LANES, M, lanes, lerp};
+
+/// One layer of texels that packets look up: the only place that reads memory without a check.
+#[derive(Clone, Copy)]
+pub(crate) struct Texels<'a> {
+    data: &'a [f32],
+    dims: [i32; 3],
+}
+
+/// A cell of eight texels around a point: offsets of the texels, and where the point lies between them.
+struct Corners {
+    /// Offset of (x0, y0, z0) and the steps to x1, y1, z1, which are zero at the edge.
+    base: I,
+    step: [I; 3],
+    f: [F; 3],
+}
+
+impl<'a> Texels<'a> {
+    /// The scalars of a field of `dims`.
+    pub(crate) fn new(data: &'a [f32], dims: [u32; 4]) -> Self {
+        let dims = [dims[0] as i32, dims[1] as i32, dims[2] as i32];
+        assert!(dims.iter().all(|&d| d > 0));
+        let texels = dims.iter().map(|&d| d as usize).product::<usize>();
+        assert!(data.len() == texels && texels <= i32::MAX as usize);
+        Self { data, dims }
+    }
+
+    /// Texels along x, y, z as floats.
+    #[inline(always)]
+    pub(crate) fn size(&self) -> [f32; 3] {
+        self.dims.map(|d| d as f32)
+    }
+
+    /// The texels around `p`, with indices clamped at the edge.
+    #[inline(always)]
+    fn corners(&self, p: [F; 3]) -> Corners {
+        let mut at = [I([0; LANES]); 3];
+        let mut step = at;
+        let mut f = [F::ZERO; 3];
+        let pitch = [1, self.dims[0], self.dims[0] * self.dims[1]];
+        for a in 0..3 {
+            // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
+            let last = self.dims[a] - 1;
+            let q = p[a].max(F::ZERO).min(F::splat(last as f32));
+            at[a] = q.to_int();
+            f[a] = q - F(lanes!(i => at[a].0[i] as f32));
+            step[a] = I(lanes!(i => if at[a].0[i] < last { pitch[a] } else { 0 }));
+        }
+        let base = I(lanes!(i => at[0].0[i] + at[1].0[i] * pitch[1] + at[2].0[i] * pitch[2]));
+        Corners { base, step, f }
+    }
+
+    #[inline(always)]
+    fn gather(&self, offset: I) -> F {
+        // SAFETY: offsets come from `corners` alone: each index is clamped to [0, dims - 1], also where the point is
+        // not a number, steps stay within, and `new` checked that the texels are as many as dims say.
+        #[allow(unsafe_code)]
+        F(lanes!(i => unsafe { *self.data.get_unchecked(offset.0[i] as usize) }))
+    }
+
+    /// Trilinear lookup at `p` in index space, x then y then z.
+    #[inline(always)]
+    pub(crate) fn sample(&self, p: [F; 3]) -> F {
+        let Corners { base, step: [dx, dy, dz], f } = self.corners(p);
+        let add = |a: I, b: I| I(lanes!(i => a.0[i] + b.0[i]));
+        let row = |at: I| lerp(self.gather(at), self.gather(add(at, dx)), f[0]);
+        let slice = |at: I| lerp(row(at), row(add(at, dy)), f[1]);
+        lerp(slice(base), slice(add(base, dz)), f[2])
+    }
+
+    /// Trilinear lookup of a single point.
+    pub(crate) fn sample_one(&self, p: [f32; 3]) -> f32 {
+        self.sample(p.map(F::splat)).0[0]
+    }
+}
+
+/// Coarse maxima over blocks of voxels, for stepping over empty space.
+#[derive(Clone, Copy)]
+pub(crate) struct Occupancy<'a> {
+    cells: &'a [[f32; 2]],
+    dims: [u32; 3],
+    side: f32,
+}
+
+impl<'a> Occupancy<'a> {
+    /// Blocks along x, y, z and their side in voxels.
+    pub(crate) fn new(cells: &'a [[f32; 2]], dims: [u32; 4]) -> Self {
+        let [x, y, z, side] = dims;
+        assert!(x > 0 && y > 0 && z > 0 && cells.len() >= x as usize * y as usize * z as usize);
+        Self { cells, dims: [x, y, z], side: side as f32 }
+    }
+
+    /// Where every active lane stands in an empty block: the number of the next sample that any of them must look
+    /// at. Else none. Samples lie at `t0 + (k + ½) Δ` along `origin + t · direction` (index space).
+    #[inline(always)]
+    pub(crate) fn skip(&self, ray: &Ray, t: F, k: f32, active: M) -> Option<f32> {
+        let mut next = f32::INFINITY;
+        for i in 0..LANES {
+            if !active.lane(i) {
+                continue;
+            }
+            let mut exit = f32::INFINITY;
+            let mut at = [0usize; 3];
+            for a in 0..3 {
+                let d = ray.direction[a].0[i];
+                let block = ((ray.origin[a].0[i] + t.0[i] * d + 0.5) / self.side).floor();
+                let block = block.clamp(0.0, (self.dims[a] - 1) as f32);
+                at[a] = block as usize;
+                let wall = if d > 0.0 { (block + 1.0) * self.side - 0.5 } else { block * self.side - 0.5 };
+                let leave = (wall - ray.origin[a].0[i]) / d;
+                exit = if leave < exit { leave } else { exit };
+            }
+            let cell = (at[2] * self.dims[1] as usize + at[1]) * self.dims[0] as usize + at[0];
+            if self.cells[cell][1] > 0.0 {
+                return None;
+            }
+            // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
+            let beyond = ((exit - ray.start.0[i]) / ray.step.0[i] - 0.5).floor();
+            next = next.min(beyond);
+        }
+        Some(next.max(k + 1.0))
+    }
+}
+
+/// A packet of rays in index space, cut into equal steps.
+pub(crate) struct Ray {
+    /// Origin in index space.
+    pub(crate) origin: [F; 3],
+    /// Direction in voxels per metre.
+    pub(crate) direction: [F; 3],
+    /// Metres along the ray where the first step begins.
+    pub(crate) start: F,
+    /// Length of a step, metres; zero where there is none.
+    pub(crate) step: F,
+    /// Number of steps.
+    pub(crate) steps: F,
+}
+
+impl Ray {
+    /// The ray from `origin` clipped to the box of `size` voxels and to `[0, limit]` metres, in
+    /// ceil(length / longest) equal steps.
+    #[inline(always)]
+    pub(crate) fn through(origin: [F; 3], direction: [F; 3], size: [f32; 3], limit: F, longest: f32) -> Self {
+        let (mut near, mut far) = (F::ZERO, limit);
+        let mut direction = direction;
+        for a in 0..3 {
+            // A ray along a wall: far enough from parallel that the quotients below are numbers.
+            direction[a] = direction[a].each(|d| if d.abs() < 1e-20 { 1e-20 } else { d });
+            let lower = (F::splat(-0.5) - origin[a]) / direction[a];
+            let upper = (F::splat(size[a] - 0.5) - origin[a]) / direction[a];
+            near = near.max(lower.min(upper));
+            far = far.min(lower.max(upper));
+        }
+        let length = (far - near).max(F::ZERO);
+        let steps = (length / longest).ceil();
+        let step = steps.gt(F::ZERO).select(length / steps.max(F::ONE), F::ZERO);
+        Self { origin, direction, start: near, step, steps }
+    }
+
+    /// The point `t` metres along.
+    #[inline(always)]
+    pub(crate) fn at(&self, t: F) -> [F; 3] {
+        [0, 1, 2].map(|a| self.origin[a] + t * self.direction[a])
+    }
+
+    /// The middle of step `k`, in metres along.
+    #[inline(always)]
+    pub(crate) fn middle(&self, k: f32) -> F {
+        self.start + self.step * (k + 0.5)
+    }
+
+    /// The column of density along the ray, in units of density times metres.
+    #[inline(always)]
+    pub(crate) fn column(&self, density: Texels<'_>, occupancy: Option<Occupancy<'_>>, lanes: M) -> F {
+        let steps = lanes.select(self.steps, F::ZERO);
+        let last = steps.max_lane();
+        let mut sum = F::ZERO;
+        let mut k = 0.0;
+        while k < last {
+            let active = F::splat(k).lt(steps);
+            let t = self.middle(k);
+            if let Some(next) = occupancy.and_then(|o| o.skip(self, t, k, active)) {
+                k = next;
+                continue;
+            }
+            sum = active.select(sum + density.sample(self.at(t)), sum);
+            k += 1.0;
+        }
+        sum * self.step
+    }
+}
+
+/// Texel (x, y, z) of one layer of an RGBA field.
+#[inline(always)]
+fn rgba(layer: &[[f32; 4]], dims: [usize; 3], at: [usize; 3]) -> [f32; 4] {
+    layer[(at[2] * dims[1] + at[1]) * dims[0] + at[0]]
+}
+
+#[inline(always)]
+fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
+    [0, 1, 2, 3].map(|c| a[c] + (b[c] - a[c]) * f)
+}
+
+/// Trilinear lookup of one layer of an RGBA field at `p`, where texel i lies at i; or the nearest texel.
+#[inline(always)]
+pub(crate) fn sample_rgba(layer: &[[f32; 4]], dims: [usize; 3], p: [f32; 3], trilinear: bool) -> [f32; 4] {
+    let last = dims.map(|d| (d - 1) as f32);
+    if !trilinear {
+        let at = [0, 1, 2].map(|a| (p[a] + 0.5).floor().max(0.0).min(last[a]) as usize);
+        return rgba(layer, dims, at);
+    }
+    let q = [0, 1, 2].map(|a: usize| p[a].max(0.0).min(last[a]));
+    let lo = q.map(|v| v as usize);
+    let f = [0, 1, 2].map(|a| q[a] - lo[a] as f32);
+    let hi = [0, 1, 2].map(|a| (lo[a] + 1).min(dims[a] - 1));
+    let row = |y: usize, z: usize| mix(rgba(layer, dims, [lo[0], y, z]), rgba(layer, dims, [hi[0], y, z]), f[0]);
+    let slice = |z: usize| mix(row(lo[1], z), row(hi[1], z), f[1]);
+    mix(slice(lo[2]), slice(hi[2]), f[2])
+}

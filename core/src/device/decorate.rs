@@ -1,0 +1,124 @@
+//! Devices that wrap a device.
+
+use std::ops::Range;
+
+use super::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
+use crate::device::{Binding, BindingAccess};
+use crate::stage::Stage;
+
+/// Forwards every call that a decorator leaves as it is.
+macro_rules! forward {
+    () => {
+        fn info(&self) -> &DeviceInfo {
+            self.inner.info()
+        }
+
+        fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
+            self.inner.create(id, spec)
+        }
+
+        fn destroy(&mut self, id: ResourceId) {
+            self.inner.destroy(id);
+        }
+
+        fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
+            self.inner.write(id, offset, data)
+        }
+
+        fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
+            self.inner.read(id, offset, out)
+        }
+
+        fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
+            self.inner.publish(from, to)
+        }
+    };
+}
+
+/// Tells a listener the time of every dispatch.
+pub struct Traced {
+    inner: Box<dyn Device>,
+    listener: Box<dyn FnMut(&StageTime) + Send>,
+}
+
+impl Traced {
+    /// `inner`, with `listener` told of every dispatch when it is finished.
+    pub fn new(inner: Box<dyn Device>, listener: Box<dyn FnMut(&StageTime) + Send>) -> Self {
+        Self { inner, listener }
+    }
+}
+
+impl Device for Traced {
+    forward!();
+
+    fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
+        self.inner.dispatch(stage, range)
+    }
+
+    fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
+        let times = self.inner.finish()?;
+        times.iter().for_each(&mut self.listener);
+        Ok(times)
+    }
+}
+
+/// How [`Faulty`] breaks a stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// The stage does not run, and its outputs stay as they were.
+    Skip,
+    /// The stage runs, and every value it wrote is then multiplied by this factor.
+    Scale(f32),
+    /// The dispatch fails.
+    Fail,
+}
+
+/// Breaks one stage on purpose, so that a suite can prove that it notices.
+pub struct Faulty {
+    inner: Box<dyn Device>,
+    stage: &'static str,
+    fault: Fault,
+}
+
+impl Faulty {
+    /// `inner`, with the stage of that name broken.
+    pub fn new(inner: Box<dyn Device>, stage: &'static str, fault: Fault) -> Self {
+        Self { inner, stage, fault }
+    }
+
+    fn scale(&mut self, stage: &Stage, factor: f32) -> Result<(), DeviceError> {
+        for binding in stage.bindings() {
+            let Binding { id: Some(id), access: BindingAccess::Write(bytes), .. } = binding else { continue };
+            let mut values = vec![0.0f32; bytes as usize / 4];
+            self.inner.read(id, 0, bytemuck::cast_slice_mut(&mut values))?;
+            values.iter_mut().for_each(|v| *v *= factor);
+            self.inner.write(id, 0, bytemuck::cast_slice(&values))?;
+        }
+        Ok(())
+    }
+}
+
+impl Device for Faulty {
+    forward!();
+
+    fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
+        if stage.name() != self.stage {
+            return self.inner.dispatch(stage, range);
+        }
+        match self.fault {
+            // An empty range keeps the count of dispatches and their times right.
+            Fault::Skip => self.inner.dispatch(stage, range.start..range.start),
+            Fault::Fail => Err(DeviceError::Backend(format!("{} was broken on purpose", self.stage))),
+            Fault::Scale(factor) => {
+                let last = range.end == stage.axis();
+                self.inner.dispatch(stage, range)?;
+                // Once, after the last piece, so that each value is scaled one time.
+                if last { self.scale(stage, factor) } else { Ok(()) }
+            }
+        }
+    }
+
+    fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
+        self.inner.finish()
+    }
+}

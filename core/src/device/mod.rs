@@ -1,0 +1,199 @@
+//! What a backend implements.
+//!
+//! A [`Device`] holds resources under ids that the executor chooses, moves bytes in and out of them, and runs pieces
+//! of [`Stage`]s in order. It knows nothing of scenes, estimators or caching. A backend exports a [`Provider`].
+
+mod decorate;
+mod kernel;
+mod resource;
+mod slabs;
+
+use std::ops::Range;
+use std::time::Duration;
+
+pub use decorate::{Fault, Faulty, Traced};
+pub use kernel::{KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout};
+pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
+pub use slabs::Slabs;
+
+use crate::stage::Stage;
+
+/// A device that runs stages.
+///
+/// Calls are in order: a stage sees all that was written and dispatched before it. `dispatch` may return before the
+/// work is done; `read` and `finish` wait. After [`DeviceError::Lost`] every call fails with it.
+pub trait Device: Send {
+    /// What the device is and can do.
+    fn info(&self) -> &DeviceInfo;
+
+    /// Makes the resource `id`, filled with zeros.
+    ///
+    /// # Errors
+    /// Not enough memory, limits exceeded, an id that exists.
+    fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError>;
+
+    /// Frees the resource `id`, if it exists.
+    fn destroy(&mut self, id: ResourceId);
+
+    /// Writes bytes from `offset` on. Fields take whole z-slices: texels x fastest, then y, z and layer.
+    ///
+    /// # Errors
+    /// No such resource; bytes past its end; parts of slices.
+    fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError>;
+
+    /// Reads bytes of a buffer from `offset` on, after all work so far.
+    ///
+    /// # Errors
+    /// No such resource; bytes past its end; a fault of the work so far; a field (stages write buffers).
+    fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError>;
+
+    /// Makes a field of what stages wrote into a buffer: texels x fastest, then y, z and layer, as 32-bit floats.
+    ///
+    /// # Errors
+    /// No such resources, or sizes that differ.
+    fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError>;
+
+    /// Runs `range` of the stage's work axis ([`Stage::axis`]). Ranges of one stage do not depend on each other.
+    ///
+    /// # Errors
+    /// A stage that does not fit its resources; a kernel that does not build or run.
+    fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError>;
+
+    /// Waits for all work, and gives the time of each dispatch since the last call, in order. Late faults surface here.
+    ///
+    /// # Errors
+    /// A fault of the work so far.
+    fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError>;
+}
+
+/// The time one dispatch took on the device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageTime {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// The part of its work axis.
+    pub range: Range<u32>,
+    /// How long it ran.
+    pub time: Duration,
+}
+
+/// What kind of machine a device is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// Processor cores.
+    Cpu,
+    /// A graphics processor of its own.
+    DiscreteGpu,
+    /// A graphics processor that shares the processor's memory.
+    IntegratedGpu,
+    /// A graphics interface on processor cores.
+    SoftwareGpu,
+    /// Anything else.
+    Other,
+}
+
+impl DeviceKind {
+    /// The kind in words, for lists and `--json`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::DiscreteGpu => "discrete-gpu",
+            Self::IntegratedGpu => "integrated-gpu",
+            Self::SoftwareGpu => "software-gpu",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// Sizes that a device does not exceed, in bytes or texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// The largest buffer.
+    pub buffer_bytes: u64,
+    /// The largest part of a buffer that one stage sees at a time.
+    pub binding_bytes: u64,
+    /// The longest side of a field held in one piece.
+    pub field_side: u32,
+}
+
+/// What a device is and can do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceInfo {
+    /// Name of the backend: `cpu`, `wgpu`, `opencl`.
+    pub backend: &'static str,
+    /// Index among the backend's devices.
+    pub index: usize,
+    /// The device's own name.
+    pub name: String,
+    /// What kind of machine it is.
+    pub kind: DeviceKind,
+    /// Memory in bytes, where it is known.
+    pub memory_bytes: Option<u64>,
+    /// Sizes it does not exceed.
+    pub limits: Limits,
+    /// What it offers, in the backend's words: instruction sets, extensions, driver.
+    pub features: Vec<String>,
+    /// Bits of a filter weight between two texels of a field; 24 is a filter in 32-bit floats.
+    pub filter_bits: u32,
+}
+
+impl DeviceInfo {
+    /// `backend:index`, as the command line takes it.
+    pub fn id(&self) -> String {
+        format!("{}:{}", self.backend, self.index)
+    }
+}
+
+/// Why a device call failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DeviceError {
+    /// The memory is not there.
+    #[error("{requested} bytes could not be had{}", available.map(|a| format!(" ({a} available)")).unwrap_or_default())]
+    OutOfMemory {
+        /// Bytes asked for.
+        requested: u64,
+        /// Bytes that were left, where that is known.
+        available: Option<u64>,
+    },
+    /// A size past the device's limits.
+    #[error("{what} of {requested} exceeds the device's limit of {limit}")]
+    Limit {
+        /// What was too large.
+        what: &'static str,
+        /// Its size.
+        requested: u64,
+        /// The largest that would do.
+        limit: u64,
+    },
+    /// A call that does not fit the resources: a bug in the caller.
+    #[error("invalid use of the device: {0}")]
+    Invalid(String),
+    /// The backend's own fault, in its words.
+    #[error("{0}")]
+    Backend(String),
+    /// The device is gone; open it anew.
+    #[error("the device was lost: {0}")]
+    Lost(String),
+}
+
+/// Why a backend has no devices, or a device cannot be opened: a missing loader, driver or platform.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Unavailable(pub String);
+
+/// What a backend exports.
+#[derive(Clone, Copy)]
+pub struct Provider {
+    /// Name of the backend, as the command line takes it.
+    pub name: &'static str,
+    /// The backend's devices, or why it has none. Never panics, and loads the backend's runtime only here.
+    pub enumerate: fn() -> Result<Vec<DeviceInfo>, Unavailable>,
+    /// Opens the device of an index that `enumerate` gave.
+    pub open: fn(usize) -> Result<Box<dyn Device>, Unavailable>,
+}
+
+impl std::fmt::Debug for Provider {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Provider").field("name", &self.name).finish_non_exhaustive()
+    }
+}

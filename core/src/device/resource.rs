@@ -1,0 +1,166 @@
+//! Handles of what a device holds.
+
+use std::marker::PhantomData;
+
+/// Identity of a resource on a device; the executor chooses it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ResourceId(pub u32);
+
+/// What a buffer is for, so that a device may place it well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Usage {
+    /// The host writes, stages read.
+    Input,
+    /// Stages write and read.
+    Work,
+    /// Stages write, the host reads.
+    Output,
+}
+
+/// What a texel of a field holds, in 32-bit floats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FieldFormat {
+    /// One value.
+    Scalar,
+    /// Red, green, blue and one more.
+    Rgba,
+}
+
+impl FieldFormat {
+    /// Bytes of a texel.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Scalar => 4,
+            Self::Rgba => 16,
+        }
+    }
+}
+
+/// Shape of a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FieldSpec {
+    /// Texels along x, y and z.
+    pub dims: [u32; 3],
+    /// 3-D arrays of that size, one behind the other; a lookup never mixes two.
+    pub layers: u32,
+    /// What a texel holds.
+    pub format: FieldFormat,
+}
+
+impl FieldSpec {
+    /// Texels of all layers.
+    pub fn texels(&self) -> u64 {
+        self.dims.iter().map(|&d| u64::from(d)).product::<u64>() * u64::from(self.layers)
+    }
+
+    /// Bytes of one z-slice.
+    pub fn slice_bytes(&self) -> u64 {
+        u64::from(self.dims[0]) * u64::from(self.dims[1]) * self.format.bytes()
+    }
+
+    /// Bytes of all layers.
+    pub fn bytes(&self) -> u64 {
+        self.texels() * self.format.bytes()
+    }
+}
+
+/// What to create.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ResourceSpec {
+    /// Memory that stages index.
+    Buffer {
+        /// Its size.
+        bytes: u64,
+        /// What it is for.
+        usage: Usage,
+    },
+    /// A 3-D array that stages sample.
+    Field(FieldSpec),
+}
+
+impl ResourceSpec {
+    /// Bytes of memory it takes.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Buffer { bytes, .. } => *bytes,
+            Self::Field(field) => field.bytes(),
+        }
+    }
+}
+
+/// A typed handle of a buffer of `len` elements.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Buf<T> {
+    /// The buffer.
+    pub id: ResourceId,
+    /// Elements.
+    pub len: u64,
+    element: PhantomData<fn() -> T>,
+}
+
+impl<T> Buf<T> {
+    /// A handle of the buffer `id` of `len` elements.
+    pub fn new(id: ResourceId, len: u64) -> Self {
+        Self { id, len, element: PhantomData }
+    }
+}
+
+impl<T> Clone for Buf<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Buf<T> {}
+
+/// A handle of a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// The field.
+    pub id: ResourceId,
+    /// Its shape.
+    pub spec: FieldSpec,
+}
+
+/// How a stage uses a resource.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingAccess {
+    /// Samples a field.
+    Sample(FieldSpec),
+    /// Reads a buffer of that many bytes.
+    Read(u64),
+    /// Writes (all of its range's part of) a buffer of that many bytes.
+    Write(u64),
+}
+
+/// One resource of a stage, under the name that the kernels use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Name in the kernels.
+    pub name: &'static str,
+    /// The resource; none where the stage runs without it.
+    pub id: Option<ResourceId>,
+    /// How it is used.
+    pub access: BindingAccess,
+}
+
+impl Binding {
+    /// A field that is sampled.
+    pub fn sample(name: &'static str, field: Option<Field>) -> Self {
+        let none = FieldSpec { dims: [0; 3], layers: 0, format: FieldFormat::Scalar };
+        let access = BindingAccess::Sample(field.map_or(none, |f| f.spec));
+        Self { name, id: field.map(|f| f.id), access }
+    }
+
+    /// A buffer that is read.
+    pub fn read<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
+        let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
+        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Read(bytes) }
+    }
+
+    /// A buffer that is written.
+    pub fn write<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
+        let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
+        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Write(bytes) }
+    }
+}

@@ -1,0 +1,56 @@
+//! `direct`: every analytic light at every view sample (the course project of `docs/papers.md`, with falloff and
+//! phase function).
+
+use super::{Estimator, MediumFields, Sources};
+use crate::exec::{Plan, RenderError};
+use crate::light::Light;
+use crate::scene::{Direct, Scene, Shadow};
+use crate::stage::{LightRecord, shadow_kind};
+
+impl Estimator for Direct {
+    fn name(&self) -> &'static str {
+        "direct"
+    }
+
+    fn plan<'a>(
+        &'a self,
+        scene: &'a Scene,
+        _: &MediumFields,
+        plan: &mut Plan<'a>,
+        sources: &mut Sources,
+    ) -> Result<(), RenderError> {
+        if scene.lights.is_empty() {
+            return Ok(());
+        }
+        let records: Vec<_> = scene.lights.iter().map(|light| record(light, scene)).collect();
+        let shadow = match self.shadow {
+            Shadow::March => shadow_kind::MARCH,
+            Shadow::None => shadow_kind::NONE,
+        };
+        sources.lights = Some((plan.table("lights", records), shadow));
+        Ok(())
+    }
+}
+
+/// Positions are relative to the eye, subtracted in f64, so that scenes far from the origin keep their precision.
+fn record(light: &Light, scene: &Scene) -> LightRecord {
+    let relative = |p: glam::DVec3| (p - scene.camera.origin).as_vec3().extend(1.0).to_array();
+    let rgb = |v: glam::Vec3| v.extend(0.0).to_array();
+    match *light {
+        Light::Directional { to_light, irradiance } => LightRecord {
+            position: to_light.as_vec3().extend(0.0).to_array(),
+            power: rgb(irradiance),
+            axis: [0.0; 4],
+            cone: [0.0; 4],
+        },
+        Light::Point { position, intensity } => {
+            LightRecord { position: relative(position), power: rgb(intensity), axis: [0.0; 4], cone: [0.0; 4] }
+        }
+        Light::Spot { position, axis, intensity, beam, cutoff } => LightRecord {
+            position: relative(position),
+            power: rgb(intensity),
+            axis: rgb(axis.as_vec3()),
+            cone: [beam as f32, cutoff as f32, 1.0, 0.0],
+        },
+    }
+}

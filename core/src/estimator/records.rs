@@ -1,0 +1,289 @@
+//! `records`: image-based volume lighting (Delalandre, Gautron and Marvie 2013).
+//!
+//! Light and medium are two factors, and the in-scattered radiance is their product at the cells of a coarse grid.
+//! What varies between the paper's three forms is only which factor holds the light and which the phase function:
+//!
+//! | content | record D | light | J |
+//! | --- | --- | --- | --- |
+//! | `transmittance` (4.2) | ∫ T b_k dω | F_k = ∫ L b_k dω | Σ F_k D_k / 4π |
+//! | `phase` (4.4, dynamic) | ∫ p T b_k dω toward the eye | F_k | Σ F_k D_k |
+//! | `radiance` (4.4, static) | ∫ T L Y_k dω | β_l | Σ β_l D_k Y_k(d) |
+//!
+//! All weights are integrals over the directions' pixels, not values at their centres, so that in a thin medium the
+//! sum over directions is exact; with `radiance`, each pixel is marched along the mean direction of the light in it.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::{Estimator, InScatter, MediumFields, Sources};
+use crate::basis::{SphericalHarmonics, healpix};
+use crate::device::{Buf, FieldFormat, FieldSpec};
+use crate::exec::{Plan, RenderError};
+use crate::light::Environment;
+use crate::scene::{Content, Elimination, Interpolation, Records, Scene};
+use crate::stage::{PhaseParams, Project, ProjectParams, Reduce, ReduceParams, Relight, RelightParams, Stage};
+
+/// Y_0 of the spherical harmonics, 1/√4π.
+const Y0: f64 = 0.282_094_791_773_878_14;
+
+impl Estimator for Records {
+    fn name(&self) -> &'static str {
+        "records"
+    }
+
+    fn plan<'a>(
+        &'a self,
+        scene: &'a Scene,
+        medium: &MediumFields,
+        plan: &mut Plan<'a>,
+        sources: &mut Sources,
+    ) -> Result<(), RenderError> {
+        let lit = scene.environment.is_some() || medium.emission.is_on();
+        if !lit || scene.optics.albedo == glam::Vec3::ZERO {
+            return Ok(());
+        }
+        let setup = Setup::new(self, scene, medium);
+        let occupancy = setup.eliminate(medium, plan);
+        let (records, emission_records) = setup.project(medium, occupancy, plan);
+        let out = setup.relight(records, emission_records, plan);
+        let spec = FieldSpec { dims: setup.cells, layers: setup.layers, format: FieldFormat::Rgba };
+        let field = plan.publish("in-scatter", out, spec);
+        let trilinear = self.interpolation == Interpolation::Trilinear;
+        sources.field = Some(InScatter { field, cells: setup.cells, bands: setup.bands, trilinear });
+        Ok(())
+    }
+}
+
+impl Records {
+    /// Cells along each axis of a box of `lengths` (metres): `cells` along the longest.
+    pub fn grid(&self, lengths: DVec3) -> [u32; 3] {
+        let share = lengths / lengths.max_element() * f64::from(self.cells);
+        share.to_array().map(|n| n.round().max(1.0) as u32)
+    }
+}
+
+/// Sizes that all stages of one record grid share.
+struct Setup<'a> {
+    options: &'a Records,
+    scene: &'a Scene,
+    nside: u32,
+    cells: [u32; 3],
+    /// Bands that are computed: of the light, or as far as the phase function reaches.
+    bands: u32,
+    layers: u32,
+    channels: u32,
+    weight_channels: u32,
+    emission_coefficients: u32,
+}
+
+impl<'a> Setup<'a> {
+    fn new(options: &'a Records, scene: &'a Scene, medium: &MediumFields) -> Self {
+        let optics = &scene.optics;
+        let lattice = scene.medium.lattice();
+        let radiance = options.content == Content::Radiance;
+        // Bands past the phase function's reach are multiplied by zero; without light there is only emission.
+        let bands = match (radiance, &scene.environment) {
+            (true, _) => options.bands.min(optics.phase.reach().unwrap_or(u32::MAX)),
+            (false, Some(_)) => options.bands,
+            (false, None) => 1,
+        };
+        let layers = if radiance { bands * bands } else { 1 };
+        Self {
+            options,
+            scene,
+            nside: options.nside().expect("validated with the scene"),
+            cells: options.grid(lattice.edges() * lattice.dims().as_dvec3()),
+            bands,
+            layers,
+            channels: if optics.is_grey() { 1 } else { 3 },
+            weight_channels: if radiance { 3 } else { 1 },
+            emission_coefficients: if medium.emission.is_on() { layers } else { 0 },
+        }
+    }
+
+    fn cell_count(&self) -> u64 {
+        self.cells.iter().map(|&c| u64::from(c)).product()
+    }
+
+    fn coefficients(&self) -> u32 {
+        self.bands * self.bands
+    }
+
+    fn harmonics(&self) -> SphericalHarmonics {
+        SphericalHarmonics::new(self.bands).expect("validated with the scene")
+    }
+
+    /// Voxels of a cell along x, y and z, and a fourth value.
+    fn cell(&self, medium: &MediumFields, w: f32) -> [f32; 4] {
+        let side = |a: usize| medium.grid.dims[a] as f32 / self.cells[a] as f32;
+        [side(0), side(1), side(2), w]
+    }
+
+    /// Which cells can matter to a sample with density.
+    fn eliminate(&self, medium: &MediumFields, plan: &mut Plan<'a>) -> Option<Buf<[f32; 2]>> {
+        let (probes, margin) = match (self.options.elimination, self.options.interpolation) {
+            (Elimination::None, _) => return None,
+            (Elimination::Probes(n), _) => (n, 0.0),
+            // A trilinear lookup reads the records of all cells whose centre is less than one cell away.
+            (Elimination::Exact, Interpolation::Trilinear) => (0, 0.5),
+            (Elimination::Exact, Interpolation::Nearest) => (0, 0.0),
+        };
+        let out = plan.work("record occupancy", self.cell_count());
+        plan.stage(Stage::Reduce(Reduce {
+            params: ReduceParams {
+                dims: medium.grid.dims,
+                coarse: [self.cells[0], self.cells[1], self.cells[2], probes],
+                cell: self.cell(medium, margin),
+            },
+            density: medium.density,
+            other: None,
+            out,
+        }));
+        Some(out)
+    }
+
+    /// Everything the light's share of the tables depends on, for their keys.
+    fn light_key(&self) -> impl std::hash::Hash + use<> {
+        let light = self.scene.environment.as_ref();
+        let light = light.map(|e| (e.version(), e.scale.to_array().map(f32::to_bits), e.rotation.to_bits()));
+        (light, self.nside, self.bands, self.options.content as u32)
+    }
+
+    fn directions(&self, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
+        let (nside, scene) = (self.nside, self.scene);
+        let make = move |environment: Option<&Environment>| {
+            let directions = match environment {
+                Some(environment) => environment.pixel_centroids(nside),
+                None => healpix::directions(nside),
+            };
+            directions.iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect()
+        };
+        let count = self.options.directions.into();
+        if self.options.content == Content::Radiance {
+            plan.upload("directions", count, &self.light_key(), move || make(scene.environment.as_ref()))
+        } else {
+            plan.upload("directions", count, &nside, move || make(None))
+        }
+    }
+
+    fn weights(&self, plan: &mut Plan<'a>) -> Buf<f32> {
+        let (nside, harmonics, scene) = (self.nside, self.harmonics(), self.scene);
+        let len = u64::from(self.options.directions * self.coefficients() * self.weight_channels);
+        if self.options.content == Content::Radiance {
+            plan.upload("direction weights", len, &self.light_key(), move || match &scene.environment {
+                Some(e) => e.pixel_moments(nside, &harmonics).iter().flatten().map(|&v| v as f32).collect(),
+                None => vec![0.0; len as usize],
+            })
+        } else {
+            plan.upload("direction weights", len, &(nside, self.bands), move || {
+                healpix::pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
+            })
+        }
+    }
+
+    /// Over each direction's pixel: its solid angle, or the integrals of the spherical harmonics.
+    fn emission_weights(&self, plan: &mut Plan<'a>) -> Option<Buf<f32>> {
+        let (nside, harmonics, directions) = (self.nside, self.harmonics(), self.options.directions);
+        let len = u64::from(directions * self.emission_coefficients);
+        let moments = self.options.content == Content::Radiance;
+        (self.emission_coefficients > 0).then(|| {
+            plan.upload("emission weights", len, &(nside, self.bands, moments), move || {
+                if moments {
+                    healpix::pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
+                } else {
+                    vec![(4.0 * PI / f64::from(directions)) as f32; len as usize]
+                }
+            })
+        })
+    }
+
+    fn project(
+        &self,
+        medium: &MediumFields,
+        occupancy: Option<Buf<[f32; 2]>>,
+        plan: &mut Plan<'a>,
+    ) -> (Buf<f32>, Option<Buf<f32>>) {
+        let optics = &self.scene.optics;
+        let toward_eye = self.options.content == Content::Phase;
+        let mut params: ProjectParams = bytemuck::Zeroable::zeroed();
+        params.dims = medium.grid.dims;
+        [params.index_x, params.index_y, params.index_z] = medium.grid.index;
+        [params.world_x, params.world_y, params.world_z] = medium.grid.world;
+        params.cells = [self.cells[0], self.cells[1], self.cells[2], 0];
+        params.cell = self.cell(medium, medium.step);
+        params.extinction = optics.extinction.extend(0.0).to_array();
+        params.emission = optics.emission.extend(0.0).to_array();
+        params.directions = self.options.directions;
+        params.coefficients = self.coefficients();
+        (params.channels, params.weight_channels) = (self.channels, self.weight_channels);
+        params.emission_coefficients = self.emission_coefficients;
+        let mut phase_table = None;
+        // Only records that look at the eye may change with it.
+        if toward_eye {
+            let eye = self.scene.medium.lattice().world_to_index().transform_point3(self.scene.camera.origin);
+            params.eye = eye.as_vec3().extend(0.0).to_array();
+            let phase = PhaseParams::new(&optics.phase);
+            (params.toward_eye, params.phase_kind, params.phase) = (1, phase.kind, phase.lobes);
+            phase_table = (!phase.table.is_empty()).then(|| plan.table("phase table", phase.table));
+        }
+        let records = self.cell_count() * u64::from(self.coefficients() * params.record_channels());
+        let emission = self.cell_count() * u64::from(self.emission_coefficients) * 3;
+        let project = Project {
+            params,
+            density: medium.density,
+            emission: medium.emission.field(),
+            occupancy,
+            directions: self.directions(plan),
+            weights: self.weights(plan),
+            emission_weights: self.emission_weights(plan),
+            phase_table,
+            records: plan.work("records", records),
+            emission_records: (emission > 0).then(|| plan.work("emission records", emission)),
+        };
+        let out = (project.records, project.emission_records);
+        plan.stage(Stage::Project(project));
+        out
+    }
+
+    fn relight(
+        &self,
+        records: Buf<f32>,
+        emission_records: Option<Buf<f32>>,
+        plan: &mut Plan<'a>,
+    ) -> Buf<[f32; 4]> {
+        let (content, scene, bands) = (self.options.content, self.scene, self.bands);
+        let (light, emission_weight) = if content == Content::Radiance {
+            let moments = scene.optics.phase.moments(bands);
+            let single = if self.layers == 1 { Y0 } else { 1.0 };
+            let beta = moments.iter().enumerate().flat_map(|(l, &beta)| vec![[(beta * single) as f32; 4]; 2 * l + 1]);
+            (plan.table("light", beta.collect()), Y0)
+        } else {
+            let norm = if content == Content::Transmittance { 1.0 / (4.0 * PI) } else { 1.0 };
+            let light = plan.upload("light", self.coefficients().into(), &self.light_key(), move || {
+                let zero = vec![[0.0; 3]; (bands * bands) as usize];
+                let light = scene.environment.as_ref().map_or(zero, |e| e.project_sh(bands));
+                light.iter().map(|c| [c[0] * norm, c[1] * norm, c[2] * norm, 0.0].map(|v| v as f32)).collect()
+            });
+            (light, norm)
+        };
+        let out = plan.work("relit", self.cell_count() * u64::from(self.layers));
+        plan.stage(Stage::Relight(Relight {
+            params: RelightParams {
+                cells: self.cell_count() as u32,
+                coefficients: self.coefficients(),
+                channels: self.channels.max(self.weight_channels),
+                layers: self.layers,
+                emission_coefficients: self.emission_coefficients,
+                emission_weight: emission_weight as f32,
+                unused_0: 0,
+                unused_1: 0,
+            },
+            records,
+            emission_records,
+            light,
+            out,
+        }));
+        out
+    }
+}

@@ -1,0 +1,55 @@
+//! What can go wrong between a scene and its film.
+
+use crate::device::DeviceError;
+use crate::scene::SceneError;
+
+/// Why a plan did not run to its end.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExecError {
+    /// A device call failed.
+    #[error("{device}: {stage}: {error}")]
+    Device {
+        /// Name of the device.
+        device: String,
+        /// Stage, or what else was being done.
+        stage: String,
+        /// The fault.
+        error: DeviceError,
+    },
+    /// A stage that does not fit its resources: a bug in an estimator.
+    #[error("{device}: {stage}: {what}")]
+    Invalid {
+        /// Name of the device.
+        device: String,
+        /// Name of the stage.
+        stage: String,
+        /// What does not fit.
+        what: String,
+    },
+    /// The plan needs more memory than there is; nothing was allocated.
+    #[error("{device}: the picture needs {needed} bytes and {budget} are there ({largest})")]
+    Memory {
+        /// Name of the device.
+        device: String,
+        /// Bytes of all resources.
+        needed: u64,
+        /// Bytes that may be used.
+        budget: u64,
+        /// The largest resources with their sizes.
+        largest: String,
+    },
+    /// The caller asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Why a scene was not rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// The scene itself.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Running it.
+    #[error(transparent)]
+    Exec(#[from] ExecError),
+}

@@ -1,0 +1,317 @@
+//! Runs plans on a device and keeps what they made.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::error::ExecError;
+use super::key::Key;
+use super::plan::{Declared, Node, Plan, Slots, Work};
+use crate::device::{Buf, Device, DeviceError, ResourceId, ResourceSpec};
+use crate::stage::Stage;
+
+/// How far a plan has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Stage that is running.
+    pub stage: &'static str,
+    /// Share of that stage that is done, 0 to 1.
+    pub done: f32,
+}
+
+/// What the caller wants to hear and say while a plan runs.
+#[derive(Default)]
+pub struct Hooks<'a> {
+    /// Called between pieces of work.
+    pub progress: Option<&'a mut dyn FnMut(Progress)>,
+    /// Set to stop at the next piece.
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+/// One stage of a report.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageRun {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Whether it ran, or its results stood.
+    pub ran: bool,
+    /// Time on the device.
+    pub time: Duration,
+}
+
+/// What a plan did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// The stages in order.
+    pub stages: Vec<StageRun>,
+    /// Resources that were written by the host.
+    pub uploads: Vec<String>,
+    /// Time spent in uploads.
+    pub upload_time: Duration,
+    /// Bytes that the plan's resources take on the device.
+    pub bytes: u64,
+}
+
+impl Report {
+    /// The names of the stages that ran, in order.
+    pub fn ran(&self) -> Vec<&'static str> {
+        self.stages.iter().filter(|s| s.ran).map(|s| s.stage).collect()
+    }
+}
+
+struct Held {
+    spec: ResourceSpec,
+    key: Option<Key>,
+    reset: Option<Key>,
+}
+
+/// Runs plans on one device.
+pub struct Executor {
+    device: Box<dyn Device>,
+    slots: Slots,
+    held: HashMap<ResourceId, Held>,
+    /// Seconds a unit of a stage's work axis took the last time.
+    pace: HashMap<&'static str, f64>,
+    budget: Option<u64>,
+    frame: u64,
+}
+
+/// A dispatch is cut so that its pieces take about this long: well under any GPU's watchdog.
+const PIECE: Duration = Duration::from_millis(50);
+/// The share of a stage that is run first to learn its pace.
+const FIRST_PIECES: u32 = 64;
+
+impl Executor {
+    /// An executor of plans on `device`.
+    pub fn new(device: Box<dyn Device>) -> Self {
+        // A tenth is left to the system and to the device's own needs.
+        let budget = device.info().memory_bytes.map(|bytes| bytes / 10 * 9);
+        Self { device, slots: Slots::default(), held: HashMap::new(), pace: HashMap::new(), budget, frame: 0 }
+    }
+
+    /// The device.
+    pub fn device(&self) -> &dyn Device {
+        self.device.as_ref()
+    }
+
+    /// Sets how many bytes a plan's resources may take; by default nine tenths of the device's memory.
+    pub fn set_budget(&mut self, bytes: u64) {
+        self.budget = Some(bytes);
+    }
+
+    /// Lets `build` make a plan and runs it. What `build` returns comes back with the report.
+    ///
+    /// # Errors
+    /// What `build` says; too little memory; a device fault; cancellation. A failed plan leaves nothing that a later
+    /// one would take for valid.
+    pub fn run<'a, R, E: From<ExecError>>(
+        &'a mut self,
+        hooks: &mut Hooks<'_>,
+        build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
+    ) -> Result<(R, Report), E> {
+        let Self { device, slots, held, pace, budget, frame } = self;
+        *frame += 1;
+        let mut plan = Plan::new(slots, *frame);
+        let result = build(&mut plan)?;
+        let mut run = Run { device: device.as_mut(), held, pace, report: Report::default(), pending: Vec::new() };
+        run.allocate(&plan, *budget)?;
+        let Plan { slots, nodes, states, .. } = plan;
+        let mut written = Vec::new();
+        let done = run.nodes(nodes, &slots.names, hooks, &mut written).and_then(|()| run.finish());
+        if let Err(error) = done {
+            // Faults may surface late, so nothing that this run wrote is trusted.
+            for id in written {
+                run.held.entry(id).and_modify(|h| h.key = None);
+            }
+            return Err(error.into());
+        }
+        for state in states {
+            let swapped = slots.swapped.entry(state).or_default();
+            *swapped = !*swapped;
+        }
+        Ok((result, run.report))
+    }
+
+    /// Reads a buffer of the last plan.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn read<T: bytemuck::Pod>(&mut self, buf: Buf<T>) -> Result<Vec<T>, ExecError> {
+        let fail = |device: &dyn Device, error| ExecError::Device {
+            device: device.info().name.clone(),
+            stage: "reading back".into(),
+            error,
+        };
+        let mut out = Vec::new();
+        if out.try_reserve_exact(buf.len as usize).is_err() {
+            let requested = buf.len * size_of::<T>() as u64;
+            return Err(fail(self.device.as_ref(), DeviceError::OutOfMemory { requested, available: None }));
+        }
+        out.resize(buf.len as usize, T::zeroed());
+        let read = self.device.read(buf.id, 0, bytemuck::cast_slice_mut(&mut out));
+        read.map_err(|error| fail(self.device.as_ref(), error))?;
+        Ok(out)
+    }
+}
+
+struct Run<'r> {
+    device: &'r mut dyn Device,
+    held: &'r mut HashMap<ResourceId, Held>,
+    pace: &'r mut HashMap<&'static str, f64>,
+    report: Report,
+    /// Dispatches whose times are not known yet: place in the report, stage, units of its axis.
+    pending: Vec<(usize, &'static str, u32)>,
+}
+
+impl Run<'_> {
+    fn fault(&self, stage: &str, error: DeviceError) -> ExecError {
+        ExecError::Device { device: self.device.info().name.clone(), stage: stage.to_owned(), error }
+    }
+
+    /// Frees what the plan does not name, and creates what it does, after checking that all of it fits.
+    fn allocate(&mut self, plan: &Plan<'_>, budget: Option<u64>) -> Result<(), ExecError> {
+        let needed = plan.declared.values().map(|d| d.spec.bytes()).fold(0, u64::saturating_add);
+        if let Some(budget) = budget.filter(|b| needed > *b) {
+            let mut sizes: Vec<_> = plan.declared.iter().map(|(id, d)| (d.spec.bytes(), *id)).collect();
+            sizes.sort_unstable_by_key(|&(bytes, id)| (std::cmp::Reverse(bytes), id));
+            let largest: Vec<_> = sizes
+                .iter()
+                .take(3)
+                .map(|(bytes, id)| format!("{} {bytes}", plan.slots.names[id.0 as usize]))
+                .collect();
+            let device = self.device.info().name.clone();
+            return Err(ExecError::Memory { device, needed, budget, largest: largest.join(", ") });
+        }
+        self.report.bytes = needed;
+        let keeps = |id: &ResourceId, held: &Held| plan.declared.get(id).is_some_and(|d| d.spec == held.spec);
+        let dropped: Vec<_> = self.held.iter().filter(|(id, h)| !keeps(id, h)).map(|(id, _)| *id).collect();
+        for id in dropped {
+            self.device.destroy(id);
+            self.held.remove(&id);
+        }
+        let mut declared: Vec<_> = plan.declared.iter().collect();
+        declared.sort_unstable_by_key(|(id, _)| **id);
+        for (&id, &Declared { spec, reset }) in declared {
+            // A state whose reset key changed is made anew: created resources are zeros.
+            if self.held.get(&id).is_some_and(|h| h.reset != reset) {
+                self.device.destroy(id);
+                self.held.remove(&id);
+            }
+            if !self.held.contains_key(&id) {
+                let name = &plan.slots.names[id.0 as usize];
+                self.device.create(id, &spec).map_err(|e| self.fault(&format!("allocating {name}"), e))?;
+                self.held.insert(id, Held { spec, key: None, reset });
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the nodes whose keys do not stand; `written` collects what they write.
+    fn nodes(
+        &mut self,
+        nodes: Vec<Node<'_>>,
+        names: &[String],
+        hooks: &mut Hooks<'_>,
+        written: &mut Vec<ResourceId>,
+    ) -> Result<(), ExecError> {
+        for node in nodes {
+            let stands =
+                |(id, key): &(ResourceId, Key)| self.held.get(id).is_some_and(|held| held.key == Some(*key));
+            if !node.always && node.writes.iter().all(stands) {
+                if let Work::Stage(stage) = &node.work {
+                    self.report.stages.push(StageRun { stage: stage.name(), ran: false, time: Duration::ZERO });
+                }
+                continue;
+            }
+            written.extend(node.writes.iter().map(|(id, _)| *id));
+            self.work(node.work, names, hooks)?;
+            for (id, key) in node.writes {
+                self.held.entry(id).and_modify(|held| held.key = Some(key));
+            }
+        }
+        Ok(())
+    }
+
+    fn work(&mut self, work: Work<'_>, names: &[String], hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
+        match work {
+            Work::Upload { id, fill } => {
+                let name = &names[id.0 as usize];
+                let begin = Instant::now();
+                fill(self.device, id).map_err(|e| self.fault(&format!("uploading {name}"), e))?;
+                self.report.upload_time += begin.elapsed();
+                self.report.uploads.push(name.clone());
+            }
+            Work::Publish { from, to } => {
+                let name = &names[to.0 as usize];
+                self.device.publish(from, to).map_err(|e| self.fault(&format!("publishing {name}"), e))?;
+            }
+            Work::Stage(stage) => {
+                stage.validate().map_err(|what| ExecError::Invalid {
+                    device: self.device.info().name.clone(),
+                    stage: stage.name().to_owned(),
+                    what,
+                })?;
+                self.report.stages.push(StageRun { stage: stage.name(), ran: true, time: Duration::ZERO });
+                self.stage(&stage, hooks)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Dispatches a stage, in pieces where it is long. The first time, a small piece is waited for to learn the pace.
+    fn stage(&mut self, stage: &Stage, hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
+        let (name, axis) = (stage.name(), stage.axis());
+        let mut say = |done: u32| -> Result<(), ExecError> {
+            if hooks.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+                return Err(ExecError::Cancelled);
+            }
+            if let Some(progress) = &mut hooks.progress {
+                progress(Progress { stage: name, done: done as f32 / axis.max(1) as f32 });
+            }
+            Ok(())
+        };
+        let mut at = 0;
+        if !self.pace.contains_key(name) && axis > 1 {
+            say(0)?;
+            at = axis.div_ceil(FIRST_PIECES);
+            self.piece(stage, 0..at)?;
+            self.finish()?;
+        }
+        let pace = self.pace.get(name).copied().unwrap_or(0.0);
+        let per_piece = (PIECE.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
+        while at < axis {
+            say(at)?;
+            let end = at.saturating_add(per_piece).min(axis);
+            self.piece(stage, at..end)?;
+            at = end;
+        }
+        say(axis)
+    }
+
+    fn piece(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), ExecError> {
+        let units = range.end - range.start;
+        self.device.dispatch(stage, range).map_err(|e| self.fault(stage.name(), e))?;
+        self.pending.push((self.report.stages.len() - 1, stage.name(), units));
+        Ok(())
+    }
+
+    /// Waits, and books the time of every dispatch since the last wait.
+    fn finish(&mut self) -> Result<(), ExecError> {
+        let last = self.pending.last().map_or("waiting", |(_, stage, _)| stage);
+        let times = self.device.finish().map_err(|e| self.fault(last, e))?;
+        if times.len() != self.pending.len() {
+            let what = format!("{} times for {} dispatches", times.len(), self.pending.len());
+            return Err(self.fault(last, DeviceError::Invalid(what)));
+        }
+        let mut spent: HashMap<&'static str, (f64, f64)> = HashMap::new();
+        for (time, (place, stage, units)) in times.iter().zip(self.pending.drain(..)) {
+            self.report.stages[place].time += time.time;
+            let (seconds, done) = spent.entry(stage).or_default();
+            *seconds += time.time.as_secs_f64();
+            *done += f64::from(units);
+        }
+        self.pace.extend(spent.into_iter().map(|(stage, (seconds, units))| (stage, seconds / units.max(1.0))));
+        Ok(())
+    }
+}

@@ -1,0 +1,211 @@
+//! What one frame needs, in order.
+
+use std::collections::HashMap;
+use std::hash::Hash;
+
+use bytemuck::Pod;
+
+use super::key::Key;
+use crate::device::{BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, ResourceId, ResourceSpec, Usage};
+use crate::stage::Stage;
+
+/// Fills a resource: called once, when its content is needed.
+pub(super) type Fill<'a> = Box<dyn FnOnce(&mut dyn Device, ResourceId) -> Result<(), DeviceError> + 'a>;
+
+pub(super) enum Work<'a> {
+    Upload { id: ResourceId, fill: Fill<'a> },
+    Stage(Stage),
+    Publish { from: ResourceId, to: ResourceId },
+}
+
+pub(super) struct Node<'a> {
+    pub(super) work: Work<'a>,
+    /// What it writes, and the keys of that once written.
+    pub(super) writes: Vec<(ResourceId, Key)>,
+    /// Whether it runs even where the keys stand.
+    pub(super) always: bool,
+}
+
+pub(super) struct Declared {
+    pub(super) spec: ResourceSpec,
+    pub(super) reset: Option<Key>,
+}
+
+/// A state: what the last frame left, and where this frame writes. They change places after a frame that ran.
+#[derive(Clone, Copy, Debug)]
+pub struct State<T> {
+    /// As the last frame left it; zeros after a reset.
+    pub previous: Buf<T>,
+    /// What this frame writes.
+    pub next: Buf<T>,
+}
+
+/// Names of resources, kept between frames.
+#[derive(Debug, Default)]
+pub(super) struct Slots {
+    ids: HashMap<String, ResourceId>,
+    pub(super) names: Vec<String>,
+    /// States whose two buffers have changed places.
+    pub(super) swapped: HashMap<String, bool>,
+}
+
+impl Slots {
+    fn id(&mut self, name: &str) -> ResourceId {
+        if let Some(&id) = self.ids.get(name) {
+            return id;
+        }
+        let id = ResourceId(self.names.len() as u32);
+        self.names.push(name.to_owned());
+        self.ids.insert(name.to_owned(), id);
+        id
+    }
+}
+
+/// What one frame needs, in order. Resources are named; the same name in the next frame's plan means the same
+/// resource, whose content stays where its key does.
+pub struct Plan<'a> {
+    pub(super) slots: &'a mut Slots,
+    pub(super) nodes: Vec<Node<'a>>,
+    pub(super) declared: HashMap<ResourceId, Declared>,
+    pub(super) states: Vec<String>,
+    keys: HashMap<ResourceId, Key>,
+    frame: u64,
+}
+
+impl<'a> Plan<'a> {
+    pub(super) fn new(slots: &'a mut Slots, frame: u64) -> Self {
+        Self {
+            slots,
+            nodes: Vec::new(),
+            declared: HashMap::new(),
+            states: Vec::new(),
+            keys: HashMap::new(),
+            frame,
+        }
+    }
+
+    fn declare(&mut self, slot: &str, spec: ResourceSpec, reset: Option<Key>) -> ResourceId {
+        let id = self.slots.id(slot);
+        let earlier = self.declared.insert(id, Declared { spec, reset });
+        assert!(earlier.is_none(), "two resources of one plan are named {slot}");
+        id
+    }
+
+    /// A buffer that a stage writes.
+    pub fn work<T: Pod>(&mut self, slot: &str, len: u64) -> Buf<T> {
+        self.buffer(slot, len, Usage::Work)
+    }
+
+    /// A buffer that a stage writes and the host reads.
+    pub fn output<T: Pod>(&mut self, slot: &str, len: u64) -> Buf<T> {
+        self.buffer(slot, len, Usage::Output)
+    }
+
+    fn buffer<T: Pod>(&mut self, slot: &str, len: u64, usage: Usage) -> Buf<T> {
+        let bytes = len * size_of::<T>() as u64;
+        Buf::new(self.declare(slot, ResourceSpec::Buffer { bytes, usage }, None), len)
+    }
+
+    /// A buffer of `len` elements whose content depends on `content` alone and is made only when needed.
+    pub fn upload<T: Pod>(
+        &mut self,
+        slot: &str,
+        len: u64,
+        content: &impl Hash,
+        make: impl FnOnce() -> Vec<T> + 'a,
+    ) -> Buf<T> {
+        let buf = self.buffer(slot, len, Usage::Input);
+        let fill: Fill<'a> = Box::new(move |device, id| {
+            let data = make();
+            if data.len() as u64 != len {
+                return Err(DeviceError::Invalid(format!("{} elements were made for {len}", data.len())));
+            }
+            device.write(id, 0, bytemuck::cast_slice(&data))
+        });
+        self.push_upload(buf.id, Key::of("upload", &(len, content)), fill);
+        buf
+    }
+
+    /// A small buffer; its content is its key.
+    pub fn table<T: Pod>(&mut self, slot: &str, data: Vec<T>) -> Buf<T> {
+        let bytes: Vec<u8> = bytemuck::cast_slice(&data).to_vec();
+        self.upload(slot, data.len() as u64, &bytes, move || data)
+    }
+
+    /// A field filled slice by slice, all layers one behind the other: `slice` gets the number of the z-slice and
+    /// where its texels go. Its content depends on `content` alone.
+    pub fn upload_field(
+        &mut self,
+        slot: &str,
+        spec: FieldSpec,
+        content: &impl Hash,
+        mut slice: impl FnMut(u32, &mut [f32]) + 'a,
+    ) -> Field {
+        let id = self.declare(slot, ResourceSpec::Field(spec), None);
+        let fill: Fill<'a> = Box::new(move |device, id| {
+            let bytes = spec.slice_bytes();
+            let mut texels = vec![0.0f32; (bytes / 4) as usize];
+            for z in 0..spec.dims[2] * spec.layers {
+                slice(z, &mut texels);
+                device.write(id, u64::from(z) * bytes, bytemuck::cast_slice(&texels))?;
+            }
+            Ok(())
+        });
+        self.push_upload(id, Key::of("field", &(spec, content)), fill);
+        Field { id, spec }
+    }
+
+    fn push_upload(&mut self, id: ResourceId, key: Key, fill: Fill<'a>) {
+        self.keys.insert(id, key);
+        self.nodes.push(Node { work: Work::Upload { id, fill }, writes: vec![(id, key)], always: false });
+    }
+
+    /// A state of `len` elements that frames hand on. It becomes zeros when `reset` changes or the size does.
+    pub fn state<T: Pod>(&mut self, slot: &str, len: u64, reset: &impl Hash) -> State<T> {
+        let bytes = len * size_of::<T>() as u64;
+        let key = Key::of("reset", &(len, reset));
+        let swapped = *self.slots.swapped.entry(slot.to_owned()).or_default();
+        let spec = ResourceSpec::Buffer { bytes, usage: Usage::Work };
+        let [a, b] = [0, 1].map(|half| self.declare(&format!("{slot}#{half}"), spec, Some(key)));
+        let (previous, next) = if swapped { (b, a) } else { (a, b) };
+        // Its content differs in every frame, and so does whatever is made from it.
+        self.keys.insert(previous, Key::of("state", &(slot, self.frame)));
+        self.states.push(slot.to_owned());
+        State { previous: Buf::new(previous, len), next: Buf::new(next, len) }
+    }
+
+    /// A stage. It runs unless its parameters and what it reads are as they were.
+    pub fn stage(&mut self, stage: Stage) {
+        let mut reads = Vec::new();
+        let mut writes = Vec::new();
+        let mut always = false;
+        for binding in stage.bindings() {
+            let Some(id) = binding.id else { continue };
+            match binding.access {
+                BindingAccess::Sample(_) | BindingAccess::Read(_) => {
+                    let key = self.keys.get(&id);
+                    let key = *key.unwrap_or_else(|| panic!("{} reads {} before it is written", stage.name(), binding.name));
+                    reads.push((binding.name, id.0, key));
+                }
+                BindingAccess::Write(_) => {
+                    always |= self.declared.get(&id).is_some_and(|d| d.reset.is_some());
+                    writes.push((binding.name, id));
+                }
+            }
+        }
+        let base = Key::of(stage.name(), &(stage.params(), reads));
+        let writes: Vec<_> = writes.into_iter().map(|(name, id)| (id, Key::of(name, &base))).collect();
+        self.keys.extend(writes.iter().copied());
+        self.nodes.push(Node { work: Work::Stage(stage), writes, always });
+    }
+
+    /// The field of what stages wrote into `from`.
+    pub fn publish<T: Pod>(&mut self, slot: &str, from: Buf<T>, spec: FieldSpec) -> Field {
+        assert_eq!(from.len * size_of::<T>() as u64, spec.bytes(), "{slot} differs in size from what it is made of");
+        let id = self.declare(slot, ResourceSpec::Field(spec), None);
+        let key = Key::of("publish", &(spec, self.keys.get(&from.id)));
+        self.keys.insert(id, key);
+        self.nodes.push(Node { work: Work::Publish { from: from.id, to: id }, writes: vec![(id, key)], always: false });
+        Field { id, spec }
+    }
+}

@@ -1,0 +1,199 @@
+//! From a scene to its film, on one device.
+
+use glam::DVec3;
+
+use super::error::RenderError;
+use super::executor::{Executor, Hooks, Report};
+use super::plan::Plan;
+use crate::device::{Buf, Device, FieldFormat, FieldSpec};
+use crate::estimator::{EmissionSource, Estimator, InScatter, MediumFields, Sources};
+use crate::light::Environment;
+use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
+use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
+
+/// A film and how it came about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendered {
+    /// The picture.
+    pub film: Film,
+    /// Which stages ran, and how long.
+    pub report: Report,
+}
+
+/// Renders scenes on one device, and keeps between pictures what does not change.
+pub struct Renderer {
+    executor: Executor,
+}
+
+/// Voxels along each side of a cell of the march's occupancy.
+const OCCUPANCY: u32 = 8;
+
+/// 1/r² is floored at the distance of this part of the voxel edge, where a point light would shine infinitely.
+const LIGHT_FLOOR: f64 = 0.01;
+
+impl Renderer {
+    /// A renderer on `device`.
+    pub fn new(device: Box<dyn Device>) -> Self {
+        Self { executor: Executor::new(device) }
+    }
+
+    /// The executor, for limits and for stages of one's own.
+    pub fn executor(&mut self) -> &mut Executor {
+        &mut self.executor
+    }
+
+    /// The device.
+    pub fn device(&self) -> &dyn Device {
+        self.executor.device()
+    }
+
+    /// Renders a scene.
+    ///
+    /// # Errors
+    /// A scene that is out of range; too little memory; a device fault.
+    pub fn render(&mut self, scene: &Scene) -> Result<Rendered, RenderError> {
+        self.render_with(scene, &mut Hooks::default())
+    }
+
+    /// As [`Renderer::render`], with progress and cancellation.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`]; cancellation.
+    pub fn render_with(&mut self, scene: &Scene, hooks: &mut Hooks<'_>) -> Result<Rendered, RenderError> {
+        scene.validate()?;
+        // The plan borrows the executor for as long as the scene: both end with this call.
+        let (film, report) = self.executor.run(hooks, |plan| plan_frame(scene, plan))?;
+        let vectors = self.executor.read(film)?;
+        let pixels = vectors.chunks_exact(2);
+        let film = Film {
+            width: scene.camera.width,
+            height: scene.camera.height,
+            beauty: pixels.clone().map(|p| p[0]).collect(),
+            transmittance: pixels.clone().map(|p| [p[1][0], p[1][1], p[1][2]]).collect(),
+            depth: pixels.map(|p| p[1][3]).collect(),
+        };
+        Ok(Rendered { film, report })
+    }
+}
+
+/// Plans everything from the medium's upload to the film.
+fn plan_frame<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Result<Buf<[f32; 4]>, RenderError> {
+    let medium = upload_medium(scene, plan);
+    let mut sources = Sources::default();
+    if let Some(EnvironmentEstimate::Records(records)) = &scene.estimate.environment {
+        records.plan(scene, &medium, plan, &mut sources)?;
+    }
+    if let Some(LightsEstimate::Direct(direct)) = &scene.estimate.lights {
+        direct.plan(scene, &medium, plan, &mut sources)?;
+    }
+    Ok(plan_march(scene, &medium, &sources, plan))
+}
+
+/// The medium's fields on the device.
+fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
+    let medium = &scene.medium;
+    let lattice = medium.lattice();
+    let spec = FieldSpec { dims: lattice.dims().to_array(), layers: 1, format: FieldFormat::Scalar };
+    let version = medium.version();
+    let density = plan.upload_field("density", spec, &version, |k, out| medium.density_slice(k, out));
+    let emission = match medium.emission_density() {
+        Some(field) if scene.optics.emits() => {
+            Some(plan.upload_field("emission density", spec, &version, move |k, out| field.slice(k, out)))
+        }
+        _ => None,
+    };
+    MediumFields {
+        density,
+        emission: if scene.optics.emits() { EmissionSource::On(emission) } else { EmissionSource::Off },
+        grid: GridParams::new(lattice),
+        step: (scene.quality.step * medium.voxel()) as f32,
+    }
+}
+
+fn plan_march<'a>(
+    scene: &'a Scene,
+    medium: &MediumFields,
+    sources: &Sources,
+    plan: &mut Plan<'a>,
+) -> Buf<[f32; 4]> {
+    let (camera, optics, grid) = (&scene.camera, &scene.optics, &medium.grid);
+    let rgb0 = |v: glam::Vec3| v.extend(0.0).to_array();
+    let mut params: MarchParams = bytemuck::Zeroable::zeroed();
+    params.dims = grid.dims;
+    [params.index_x, params.index_y, params.index_z] = grid.index;
+    let eye = scene.medium.lattice().world_to_index().transform_point3(camera.origin);
+    params.eye = eye.as_vec3().extend(0.0).to_array();
+    [params.forward, params.right, params.up] = camera.axes().map(|a: DVec3| rgb0(a.as_vec3()));
+    (params.width, params.height, params.samples) = (camera.width, camera.height, camera.samples);
+    (params.extinction, params.albedo) = (rgb0(optics.extinction), rgb0(optics.albedo));
+    params.emission = rgb0(optics.emission);
+    (params.step, params.cut) = (medium.step, March::CUT);
+    params.light_floor = (LIGHT_FLOOR * scene.medium.lattice().shortest_edge()).powi(2) as f32;
+
+    // Space without density or emission is stepped over.
+    let cells = [0, 1, 2].map(|a| grid.dims[a].div_ceil(OCCUPANCY));
+    params.occupancy_cells = [cells[0], cells[1], cells[2], OCCUPANCY];
+    let side = OCCUPANCY as f32;
+    let occupancy = plan.work("occupancy", cells.iter().map(|&c| u64::from(c)).product());
+    plan.stage(Stage::Reduce(Reduce {
+        params: ReduceParams {
+            dims: grid.dims,
+            coarse: [cells[0], cells[1], cells[2], 0],
+            cell: [side, side, side, 0.0],
+        },
+        density: medium.density,
+        other: medium.emission.field(),
+        out: occupancy,
+    }));
+
+    let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
+    let mut in_scatter = None;
+    if let Some(InScatter { field, cells, bands, trilinear }) = sources.field {
+        params.cells = [cells[0], cells[1], cells[2], field.spec.layers];
+        params.cells_per_voxel = [0, 1, 2, 3].map(|a| if a < 3 { cells[a] as f32 / grid.dims[a] as f32 } else { 0.0 });
+        (params.bands, params.trilinear) = (bands, trilinear.into());
+        if field.spec.layers > 1 {
+            params.harmonics_at = tables.len() as u32;
+            tables.extend(crate::basis::recurrence_table(bands));
+        }
+        in_scatter = Some(field);
+    }
+    params.shadow = shadow_kind::NONE;
+    let mut lights = None;
+    if let Some((buf, shadow)) = sources.lights {
+        (params.lights, params.shadow) = (buf.len as u32, shadow);
+        lights = Some(buf);
+    }
+    let phase = PhaseParams::new(&optics.phase);
+    (params.phase_kind, params.phase) = (phase.kind, phase.lobes);
+    (params.phase_at, params.phase_size) = (tables.len() as u32, phase.table.len() as u32);
+    tables.extend(phase.table);
+    let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
+    let pixels = u64::from(camera.width) * u64::from(camera.height);
+    let march = March {
+        params,
+        density: medium.density,
+        emission: medium.emission.field(),
+        in_scatter,
+        occupancy: Some(occupancy),
+        lights,
+        tables: plan.table("march tables", tables),
+        environment,
+        surface: None,
+        film: plan.output("film", 2 * pixels),
+    };
+    let film = march.film;
+    plan.stage(Stage::March(march));
+    film
+}
+
+/// The environment as it is seen behind the medium.
+fn upload_sky<'a>(environment: &'a Environment, params: &mut MarchParams, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
+    let image = environment.image();
+    (params.environment_width, params.environment_height) = (image.width, image.height);
+    let turns = (environment.rotation / 360.0).rem_euclid(1.0) as f32;
+    params.environment = environment.scale.extend(turns).to_array();
+    plan.upload("environment", image.texels.len() as u64, &environment.version(), || {
+        image.texels.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
+    })
+}

@@ -1,0 +1,74 @@
+//! What several stages say alike: the lattice of the density and the phase function.
+
+use crate::device::{Field, FieldFormat};
+use crate::media::{Lattice, Phase};
+
+/// The lattice of the density as kernels see it. Rays are carried into index space, where sample (i, j, k) lies at
+/// (i, j, k) and the box from -½ to dims - ½; their parameter stays metres of world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridParams {
+    /// Samples along x, y and z.
+    pub dims: [u32; 4],
+    /// Rows of the linear map from metres of world to voxels.
+    pub index: [[f32; 4]; 3],
+    /// Rows of its inverse.
+    pub world: [[f32; 4]; 3],
+}
+
+impl GridParams {
+    /// Of a lattice.
+    pub fn new(lattice: &Lattice) -> Self {
+        let rows = |m: glam::DMat3| [0, 1, 2].map(|i| m.row(i).as_vec3().extend(0.0).to_array());
+        let d = lattice.dims();
+        Self {
+            dims: [d.x, d.y, d.z, 0],
+            index: rows(lattice.world_to_index().matrix3),
+            world: rows(lattice.index_to_world().matrix3),
+        }
+    }
+}
+
+/// Whether `field` is a scalar field of one layer of `dims`.
+pub(super) fn is_scalar(field: &Field, dims: [u32; 4]) -> bool {
+    field.spec.format == FieldFormat::Scalar && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
+}
+
+/// A phase function as kernels see it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhaseParams {
+    /// One of the constants of this type.
+    pub kind: u32,
+    /// Forward g, backward g, share of the first lobe, unused.
+    pub lobes: [f32; 4],
+    /// Values at angles spread evenly from 0 to π, where the kind is [`PhaseParams::TABLE`].
+    pub table: Vec<f32>,
+}
+
+impl PhaseParams {
+    /// 1/4π.
+    pub const ISOTROPIC: u32 = 0;
+    /// One or two Henyey–Greenstein lobes.
+    pub const HENYEY_GREENSTEIN: u32 = 1;
+    /// 3/16π (1 + c²).
+    pub const RAYLEIGH: u32 = 2;
+    /// Linear in the angle between the values of a table.
+    pub const TABLE: u32 = 3;
+
+    /// Of a phase function.
+    pub fn new(phase: &Phase) -> Self {
+        let plain = |kind, lobes| Self { kind, lobes, table: Vec::new() };
+        match phase {
+            Phase::Isotropic => plain(Self::ISOTROPIC, [0.0; 4]),
+            Phase::HenyeyGreenstein { g } => plain(Self::HENYEY_GREENSTEIN, [*g as f32, 0.0, 1.0, 0.0]),
+            Phase::DoubleHenyeyGreenstein { forward, backward, weight } => {
+                plain(Self::HENYEY_GREENSTEIN, [*forward as f32, *backward as f32, *weight as f32, 0.0])
+            }
+            Phase::Rayleigh => plain(Self::RAYLEIGH, [0.0; 4]),
+            Phase::Table(table) => Self {
+                kind: Self::TABLE,
+                lobes: [0.0; 4],
+                table: table.values().iter().map(|&v| v as f32).collect(),
+            },
+        }
+    }
+}

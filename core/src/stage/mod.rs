@@ -1,0 +1,157 @@
+//! The stages: all that a device must be able to run.
+//!
+//! A stage is parameters and handles. It reads fields and buffers, writes buffers, and its work axis may be cut into
+//! ranges that do not depend on each other. Each file here says what its stage computes and where that comes from;
+//! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
+
+mod grid;
+mod march;
+mod project;
+mod reduce;
+mod relight;
+
+pub use grid::{GridParams, PhaseParams};
+pub use march::{LightRecord, March, MarchParams, shadow_kind};
+pub use project::{Project, ProjectParams};
+pub use reduce::{Reduce, ReduceParams};
+pub use relight::{Relight, RelightParams};
+
+use crate::device::{Binding, BindingAccess};
+
+/// What a stage says of itself.
+pub trait Kernel {
+    /// Name of the stage and of its kernel files.
+    const NAME: &'static str;
+
+    /// The parameters' bytes, as kernels see them.
+    fn params(&self) -> &[u8];
+
+    /// The resources, in the kernels' order.
+    fn bindings(&self) -> Vec<Binding>;
+
+    /// Length of the work axis.
+    fn axis(&self) -> u32;
+
+    /// Whether parameters and resources fit each other.
+    ///
+    /// # Errors
+    /// What does not fit. Kernels index without checks behind this one.
+    fn validate(&self) -> Result<(), String>;
+}
+
+/// A stage with its parameters and resources. Devices match it without a catch-all arm, so that a new stage does not
+/// compile until every device has it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stage {
+    /// Coarse mean and maximum of a field.
+    Reduce(Reduce),
+    /// Moments of transmittance or radiance at the cells of a record grid.
+    Project(Project),
+    /// In-scattered radiance from records and light.
+    Relight(Relight),
+    /// View rays through the medium.
+    March(March),
+}
+
+macro_rules! each {
+    ($self:ident, $stage:ident => $value:expr) => {
+        match $self {
+            Stage::Reduce($stage) => $value,
+            Stage::Project($stage) => $value,
+            Stage::Relight($stage) => $value,
+            Stage::March($stage) => $value,
+        }
+    };
+}
+
+fn name_of<K: Kernel>(_: &K) -> &'static str {
+    K::NAME
+}
+
+impl Stage {
+    /// The names of all stages.
+    pub const NAMES: [&'static str; 4] = [Reduce::NAME, Project::NAME, Relight::NAME, March::NAME];
+
+    /// Name of the stage and of its kernel files.
+    pub fn name(&self) -> &'static str {
+        each!(self, stage => name_of(stage))
+    }
+
+    /// The parameters' bytes, as kernels see them.
+    pub fn params(&self) -> &[u8] {
+        each!(self, stage => stage.params())
+    }
+
+    /// The resources, in the kernels' order.
+    pub fn bindings(&self) -> Vec<Binding> {
+        each!(self, stage => stage.bindings())
+    }
+
+    /// Length of the work axis.
+    pub fn axis(&self) -> u32 {
+        each!(self, stage => stage.axis())
+    }
+
+    /// Whether parameters and resources fit each other.
+    ///
+    /// # Errors
+    /// What does not fit.
+    pub fn validate(&self) -> Result<(), String> {
+        each!(self, stage => stage.validate())?;
+        let bindings = self.bindings();
+        for (i, a) in bindings.iter().enumerate() {
+            let writes = matches!(a.access, BindingAccess::Write(_));
+            if writes && a.id.is_some() && bindings.iter().enumerate().any(|(j, b)| i != j && a.id == b.id) {
+                return Err(format!("{} is written and bound a second time", a.name));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `Err` with the formatted text unless the condition holds.
+macro_rules! require {
+    ($condition:expr, $($text:tt)+) => {
+        if !$condition {
+            return Err(format!($($text)+));
+        }
+    };
+}
+pub(crate) use require;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{KernelStruct, ResourceId};
+    use crate::device::{Buf, Field, FieldFormat, FieldSpec};
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn shared_structs_have_the_same_text_in_both_languages() {
+        assert_eq!(
+            RelightParams::wgsl().lines().nth(1).map(str::trim),
+            Some("cells: u32,"),
+            "{}",
+            RelightParams::wgsl()
+        );
+        for (wgsl, opencl) in [
+            (ReduceParams::wgsl(), ReduceParams::opencl()),
+            (ProjectParams::wgsl(), ProjectParams::opencl()),
+            (MarchParams::wgsl(), MarchParams::opencl()),
+            (LightRecord::wgsl(), LightRecord::opencl()),
+        ] {
+            assert_eq!(wgsl.lines().count(), opencl.lines().count());
+        }
+    }
+
+    #[test]
+    fn a_resource_may_not_be_read_and_written() {
+        let spec = FieldSpec { dims: [1; 3], layers: 1, format: FieldFormat::Scalar };
+        let density = Field { id: ResourceId(1), spec };
+        let mut params = ReduceParams::zeroed();
+        (params.dims, params.coarse, params.cell) = ([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
+        let stage = |out| Stage::Reduce(Reduce { params, density, other: None, out: Buf::new(ResourceId(out), 1) });
+        assert!(stage(2).validate().is_ok());
+        assert!(stage(1).validate().is_err());
+    }
+}
