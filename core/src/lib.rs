@@ -10,6 +10,7 @@
 pub mod basis;
 pub mod light;
 pub mod media;
+pub mod reference;
 pub mod scene;
 pub mod version;
 
