@@ -2,6 +2,7 @@
 
 mod analytic;
 mod environment;
+mod projection;
 
 pub use analytic::{Light, LightError};
 pub use environment::{Environment, EnvironmentError, Image, clamp_texels};

@@ -1,0 +1,3 @@
+//! Truth to hold devices to.
+
+pub mod closed;
