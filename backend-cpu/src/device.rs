@@ -87,9 +87,9 @@ impl CpuDevice {
 
 fn span(offset: u64, len: usize, bytes: usize) -> Result<Range<usize>, DeviceError> {
     let start = usize::try_from(offset).ok().filter(|start| start.checked_add(len).is_some_and(|end| end <= bytes));
-    start.map(|start| start..start + len).ok_or_else(|| {
-        DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes"))
-    })
+    start
+        .map(|start| start..start + len)
+        .ok_or_else(|| DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes")))
 }
 
 impl Device for CpuDevice {

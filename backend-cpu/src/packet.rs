@@ -131,11 +131,6 @@ impl F {
         max
     }
 
-    #[inline(always)]
-    pub(crate) fn min_lane(self) -> f32 {
-        -(-self).max_lane()
-    }
-
     /// The integers that the lanes hold; all must lie in the range of `i32`.
     #[inline(always)]
     pub(crate) fn to_int(self) -> I {

@@ -18,4 +18,5 @@ pub mod scene;
 pub mod stage;
 pub mod version;
 
+pub use glam;
 pub use version::Version;

@@ -109,8 +109,7 @@ fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2]) -> Block {
         let (place, out) = ([corner[0] + at[0], corner[1] + at[1]], &mut pixels);
         compiled_for!(isa, march(inputs: &Inputs<'_>, place: [usize; 2], out: &mut Pixels));
         for i in 0..LANES {
-            block[at[1] + i / SIDE][at[0] + i % SIDE] =
-                [pixels.color.map(|c| c.0[i]), pixels.behind.map(|c| c.0[i])];
+            block[at[1] + i / SIDE][at[0] + i % SIDE] = [pixels.color.map(|c| c.0[i]), pixels.behind.map(|c| c.0[i])];
         }
     }
     block
@@ -127,9 +126,8 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         let (x, y) = (corner[0] + i % SIDE, corner[1] + i / SIDE);
         y.min(p.height as usize - 1) * p.width as usize + x.min(p.width as usize - 1)
     };
-    let surface = (!inputs.surface.is_empty()).then(|| -> [F; 4] {
-        [0, 1, 2, 3].map(|c| F(lanes!(i => inputs.surface[pixel(i)][c])))
-    });
+    let surface = (!inputs.surface.is_empty())
+        .then(|| -> [F; 4] { [0, 1, 2, 3].map(|c| F(lanes!(i => inputs.surface[pixel(i)][c]))) });
     let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
     let (mut color, mut through) = ([F::ZERO; 3], [F::ZERO; 3]);
     let (mut stopped, mut stopped_at) = (F::ZERO, F::ZERO);
@@ -146,9 +144,7 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
                 Some(surface) if inputs.environment.is_empty() => {
                     limit.lt(F::splat(f32::INFINITY)).select(surface[c], F::ZERO)
                 }
-                Some(surface) => {
-                    limit.lt(F::splat(f32::INFINITY)).select(surface[c], environment(inputs, d, c))
-                }
+                Some(surface) => limit.lt(F::splat(f32::INFINITY)).select(surface[c], environment(inputs, d, c)),
                 None if inputs.environment.is_empty() => F::ZERO,
                 None => environment(inputs, d, c),
             };

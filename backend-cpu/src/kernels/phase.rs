@@ -35,11 +35,7 @@ impl Phase<'_> {
             PhaseParams::HENYEY_GREENSTEIN => {
                 let [forward, backward, weight, _] = self.lobes;
                 let first = henyey_greenstein(forward, c);
-                if weight == 1.0 {
-                    first
-                } else {
-                    first * weight + henyey_greenstein(backward, c) * (1.0 - weight)
-                }
+                if weight == 1.0 { first } else { first * weight + henyey_greenstein(backward, c) * (1.0 - weight) }
             }
             PhaseParams::RAYLEIGH => (c * c + 1.0) * (3.0 / (4.0 * FOUR_PI)),
             PhaseParams::TABLE => c.each(|c| lookup(self.table, c)),

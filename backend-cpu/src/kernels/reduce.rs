@@ -19,11 +19,7 @@ pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>) ->
     let part = &mut out[range.start as usize..range.end as usize];
     part.par_iter_mut().enumerate().for_each(|(i, place)| {
         let index = range.start + i as u32;
-        let cell = [
-            index % p.coarse[0],
-            index / p.coarse[0] % p.coarse[1],
-            index / p.coarse[0] / p.coarse[1],
-        ];
+        let cell = [index % p.coarse[0], index / p.coarse[0] % p.coarse[1], index / p.coarse[0] / p.coarse[1]];
         *place = [mean(p, density, cell), 0.0];
         place[1] = [Some(density), other].into_iter().flatten().map(|f| maximum(p, f, cell)).fold(0.0, f32::max);
     });

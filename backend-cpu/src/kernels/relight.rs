@@ -23,7 +23,8 @@ pub(crate) fn run(stage: &Relight, range: Range<u32>, memory: &mut Memory<'_>) -
     // A record of one channel serves all three.
     let channel = [0, 1, 2].map(|c| if channels == 3 { c } else { 0 });
     let record = |cell: usize, k: usize, c: usize| records[(cell * coefficients + k) * channels + channel[c]];
-    let glow = |cell: usize, k: usize, c: usize| if emission > 0 { emitted[(cell * emission + k) * 3 + c] } else { 0.0 };
+    let glow =
+        |cell: usize, k: usize, c: usize| if emission > 0 { emitted[(cell * emission + k) * 3 + c] } else { 0.0 };
     let (start, end) = (range.start as usize, range.end as usize);
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
     for (layer, out) in out.chunks_exact_mut(cells).take(p.layers as usize).enumerate() {

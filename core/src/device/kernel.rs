@@ -80,11 +80,11 @@ pub const fn check_layout(fields: &[KernelField], size: usize) {
     while i < fields.len() {
         let f = &fields[i];
         assert!(f.offset == end, "a kernel struct may not have padding between fields");
-        assert!(f.offset % f.scalar.bytes() == 0, "a 4-vector must lie at a multiple of 16 bytes");
+        assert!(f.offset.is_multiple_of(f.scalar.bytes()), "a 4-vector must lie at a multiple of 16 bytes");
         end += f.scalar.bytes();
         i += 1;
     }
-    assert!(end == size && size % 16 == 0, "the size of a kernel struct must be a multiple of 16 bytes");
+    assert!(end == size && size.is_multiple_of(16), "the size of a kernel struct must be a multiple of 16 bytes");
 }
 
 /// Defines a [`KernelStruct`] of fields of type `F32`, `U32`, `F32x4` and `U32x4`. Layouts that WGSL, OpenCL C and

@@ -17,7 +17,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::{Estimator, InScatter, MediumFields, Sources};
-use crate::basis::{SphericalHarmonics, healpix};
+use crate::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use crate::device::{Buf, FieldFormat, FieldSpec};
 use crate::exec::{Plan, RenderError};
 use crate::light::Environment;
@@ -177,7 +177,7 @@ impl<'a> Setup<'a> {
             })
         } else {
             plan.upload("direction weights", len, &(nside, self.bands), move || {
-                healpix::pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
+                pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
             })
         }
     }
@@ -190,7 +190,7 @@ impl<'a> Setup<'a> {
         (self.emission_coefficients > 0).then(|| {
             plan.upload("emission weights", len, &(nside, self.bands, moments), move || {
                 if moments {
-                    healpix::pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
+                    pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
                 } else {
                     vec![(4.0 * PI / f64::from(directions)) as f32; len as usize]
                 }
@@ -246,13 +246,9 @@ impl<'a> Setup<'a> {
         out
     }
 
-    fn relight(
-        &self,
-        records: Buf<f32>,
-        emission_records: Option<Buf<f32>>,
-        plan: &mut Plan<'a>,
-    ) -> Buf<[f32; 4]> {
+    fn relight(&self, records: Buf<f32>, emission_records: Option<Buf<f32>>, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
         let (content, scene, bands) = (self.options.content, self.scene, self.bands);
+        let harmonics = self.harmonics();
         let (light, emission_weight) = if content == Content::Radiance {
             let moments = scene.optics.phase.moments(bands);
             let single = if self.layers == 1 { Y0 } else { 1.0 };
@@ -262,7 +258,7 @@ impl<'a> Setup<'a> {
             let norm = if content == Content::Transmittance { 1.0 / (4.0 * PI) } else { 1.0 };
             let light = plan.upload("light", self.coefficients().into(), &self.light_key(), move || {
                 let zero = vec![[0.0; 3]; (bands * bands) as usize];
-                let light = scene.environment.as_ref().map_or(zero, |e| e.project_sh(bands));
+                let light = scene.environment.as_ref().map_or(zero, |e| e.project_sh(&harmonics));
                 light.iter().map(|c| [c[0] * norm, c[1] * norm, c[2] * norm, 0.0].map(|v| v as f32)).collect()
             });
             (light, norm)

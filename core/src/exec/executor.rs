@@ -216,8 +216,7 @@ impl Run<'_> {
         written: &mut Vec<ResourceId>,
     ) -> Result<(), ExecError> {
         for node in nodes {
-            let stands =
-                |(id, key): &(ResourceId, Key)| self.held.get(id).is_some_and(|held| held.key == Some(*key));
+            let stands = |(id, key): &(ResourceId, Key)| self.held.get(id).is_some_and(|held| held.key == Some(*key));
             if !node.always && node.writes.iter().all(stands) {
                 if let Work::Stage(stage) = &node.work {
                     self.report.stages.push(StageRun { stage: stage.name(), ran: false, time: Duration::ZERO });

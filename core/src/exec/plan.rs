@@ -14,7 +14,7 @@ pub(super) type Fill<'a> = Box<dyn FnOnce(&mut dyn Device, ResourceId) -> Result
 
 pub(super) enum Work<'a> {
     Upload { id: ResourceId, fill: Fill<'a> },
-    Stage(Stage),
+    Stage(Box<Stage>),
     Publish { from: ResourceId, to: ResourceId },
 }
 
@@ -74,14 +74,7 @@ pub struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     pub(super) fn new(slots: &'a mut Slots, frame: u64) -> Self {
-        Self {
-            slots,
-            nodes: Vec::new(),
-            declared: HashMap::new(),
-            states: Vec::new(),
-            keys: HashMap::new(),
-            frame,
-        }
+        Self { slots, nodes: Vec::new(), declared: HashMap::new(), states: Vec::new(), keys: HashMap::new(), frame }
     }
 
     fn declare(&mut self, slot: &str, spec: ResourceSpec, reset: Option<Key>) -> ResourceId {
@@ -184,7 +177,8 @@ impl<'a> Plan<'a> {
             match binding.access {
                 BindingAccess::Sample(_) | BindingAccess::Read(_) => {
                     let key = self.keys.get(&id);
-                    let key = *key.unwrap_or_else(|| panic!("{} reads {} before it is written", stage.name(), binding.name));
+                    let key =
+                        *key.unwrap_or_else(|| panic!("{} reads {} before it is written", stage.name(), binding.name));
                     reads.push((binding.name, id.0, key));
                 }
                 BindingAccess::Write(_) => {
@@ -196,7 +190,7 @@ impl<'a> Plan<'a> {
         let base = Key::of(stage.name(), &(stage.params(), reads));
         let writes: Vec<_> = writes.into_iter().map(|(name, id)| (id, Key::of(name, &base))).collect();
         self.keys.extend(writes.iter().copied());
-        self.nodes.push(Node { work: Work::Stage(stage), writes, always });
+        self.nodes.push(Node { work: Work::Stage(Box::new(stage)), writes, always });
     }
 
     /// The field of what stages wrote into `from`.

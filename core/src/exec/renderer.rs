@@ -110,12 +110,7 @@ fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     }
 }
 
-fn plan_march<'a>(
-    scene: &'a Scene,
-    medium: &MediumFields,
-    sources: &Sources,
-    plan: &mut Plan<'a>,
-) -> Buf<[f32; 4]> {
+fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
     let (camera, optics, grid) = (&scene.camera, &scene.optics, &medium.grid);
     let rgb0 = |v: glam::Vec3| v.extend(0.0).to_array();
     let mut params: MarchParams = bytemuck::Zeroable::zeroed();

@@ -1,5 +1,6 @@
 //! Which estimators light the medium, and their options.
 
+use crate::basis::{SphericalHarmonics, healpix};
 use crate::media::Phase;
 
 /// One estimator for each source of first-order light; without one, that light is left out.
@@ -134,16 +135,16 @@ impl Records {
     /// The most cells along a side.
     pub const MAX_CELLS: u32 = 1024;
     /// The most bands of spherical harmonics.
-    pub const MAX_BANDS: u32 = 10;
+    pub const MAX_BANDS: u32 = SphericalHarmonics::DEVICE_BANDS;
     /// The most probes along a side of a cell.
     pub const MAX_PROBES: u32 = 64;
     /// The largest n of 12·n² directions.
-    pub const MAX_NSIDE: u32 = 64;
+    pub const MAX_NSIDE: u32 = healpix::MAX_NSIDE;
 
     /// The n of 12·n² directions, where there is one.
     pub fn nside(&self) -> Option<u32> {
         let n = (f64::from(self.directions) / 12.0).sqrt().round() as u32;
-        (n >= 1 && n <= Self::MAX_NSIDE && 12 * n * n == self.directions).then_some(n)
+        ((1..=Self::MAX_NSIDE).contains(&n) && 12 * n * n == self.directions).then_some(n)
     }
 
     fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {

@@ -64,11 +64,9 @@ impl PhaseParams {
                 plain(Self::HENYEY_GREENSTEIN, [*forward as f32, *backward as f32, *weight as f32, 0.0])
             }
             Phase::Rayleigh => plain(Self::RAYLEIGH, [0.0; 4]),
-            Phase::Table(table) => Self {
-                kind: Self::TABLE,
-                lobes: [0.0; 4],
-                table: table.values().iter().map(|&v| v as f32).collect(),
-            },
+            Phase::Table(table) => {
+                Self { kind: Self::TABLE, lobes: [0.0; 4], table: table.values().iter().map(|&v| v as f32).collect() }
+            }
         }
     }
 }

@@ -178,7 +178,12 @@ impl Kernel for March {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(is_scalar(&self.density, p.dims), "density is {:?}, not a scalar field of {:?}", self.density.spec, p.dims);
+        require!(
+            is_scalar(&self.density, p.dims),
+            "density is {:?}, not a scalar field of {:?}",
+            self.density.spec,
+            p.dims
+        );
         require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
         require!(p.step.is_finite() && p.step > 0.0, "a step of {} m", p.step);
         let pixels = u64::from(p.width) * u64::from(p.height);
@@ -205,7 +210,11 @@ impl Kernel for March {
                 table = table.max(u64::from(p.harmonics_at) + 2 * triangle);
             }
         }
-        require!(p.lights == 0 || self.lights.is_some_and(|b| b.len >= p.lights.into()), "fewer than {} lights", p.lights);
+        require!(
+            p.lights == 0 || self.lights.is_some_and(|b| b.len >= p.lights.into()),
+            "fewer than {} lights",
+            p.lights
+        );
         require!(p.shadow <= shadow_kind::MARCH, "shadow kind {}", p.shadow);
         if p.phase_kind == PhaseParams::TABLE {
             require!(p.phase_size >= 2, "a phase table of {} entries", p.phase_size);
@@ -214,7 +223,11 @@ impl Kernel for March {
         require!(self.tables.len >= table, "tables of {} values for {table}", self.tables.len);
         if let Some(environment) = self.environment {
             let texels = u64::from(p.environment_width) * u64::from(p.environment_height);
-            require!(texels > 0 && environment.len >= texels, "an environment of {} texels for {texels}", environment.len);
+            require!(
+                texels > 0 && environment.len >= texels,
+                "an environment of {} texels for {texels}",
+                environment.len
+            );
         }
         Ok(())
     }

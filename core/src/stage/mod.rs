@@ -122,8 +122,8 @@ pub(crate) use require;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::{KernelStruct, ResourceId};
     use crate::device::{Buf, Field, FieldFormat, FieldSpec};
+    use crate::device::{KernelStruct, ResourceId};
     use bytemuck::Zeroable;
 
     #[test]

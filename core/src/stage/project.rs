@@ -129,7 +129,12 @@ impl Kernel for Project {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(is_scalar(&self.density, p.dims), "density is {:?}, not a scalar field of {:?}", self.density.spec, p.dims);
+        require!(
+            is_scalar(&self.density, p.dims),
+            "density is {:?}, not a scalar field of {:?}",
+            self.density.spec,
+            p.dims
+        );
         require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
         let cells = p.cells[..3].iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} cells", p.cells);
@@ -145,7 +150,10 @@ impl Kernel for Project {
         if p.emission_coefficients > 0 {
             let e = u64::from(p.emission_coefficients);
             require!(self.emission_weights.is_some_and(|b| b.len >= n * e), "emission weights are missing or too few");
-            require!(self.emission_records.is_some_and(|b| b.len >= cells * e * 3), "emission records are missing or too few");
+            require!(
+                self.emission_records.is_some_and(|b| b.len >= cells * e * 3),
+                "emission records are missing or too few"
+            );
         }
         let table = p.toward_eye == 1 && p.phase_kind == PhaseParams::TABLE;
         require!(!table || self.phase_table.is_some_and(|b| b.len >= 2), "the phase table is missing");

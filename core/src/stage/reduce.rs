@@ -67,7 +67,12 @@ impl Kernel for Reduce {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(is_scalar(&self.density, p.dims), "density is {:?}, not a scalar field of {:?}", self.density.spec, p.dims);
+        require!(
+            is_scalar(&self.density, p.dims),
+            "density is {:?}, not a scalar field of {:?}",
+            self.density.spec,
+            p.dims
+        );
         require!(self.other.is_none_or(|f| is_scalar(&f, p.dims)), "the second field differs from the first");
         let cells = p.coarse[..3].iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} coarse cells", p.coarse);
