@@ -26,7 +26,7 @@ def fog(name, shape=(7, 5, 9), first=(-3, 2, 4), background=0.0):
     return grid
 
 
-# An affine map that scales, turns and shifts.
+# An affine map that turns, scales and shifts, in this order: the library turns before what is there.
 affine = fog("density")
 turn = vdb.createLinearTransform([[0.5, 0, 0, 0], [0, 0.25, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 turn.rotate(math.radians(30), vdb.Axis.Z)
@@ -46,10 +46,9 @@ mask.name = "mask"
 vdb.write("several.vdb", [velocity, mask, temperature, fog("density"), fog("twin", (1, 2, 3)), fog("twin", (2, 2, 2))])
 vdb.write("vec3.vdb", velocity)
 
-# Level sets, alone and beside a fog volume of another name.
-sphere = vdb.createLevelSetSphere(radius=2.0, voxelSize=1.0)
+# A level set beside a fog volume of another name.
+sphere = vdb.createLevelSetSphere(radius=1.5, center=(20, 20, 20), voxelSize=1.0, halfWidth=1.5)
 sphere.name = "surface"
-vdb.write("levelset.vdb", sphere)
 vdb.write("levelset-and-fog.vdb", [sphere, fog("smoke")])
 
 # Tiles: 4096³ in the root, 128³ and 8³ below, and voxels far from them.
