@@ -1,1 +1,4 @@
 //! Volumes, images, environments and scenes for airlight.
+
+pub mod error;
+pub mod volume;
