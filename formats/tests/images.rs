@@ -59,7 +59,8 @@ fn environments_are_clamped_with_a_count() {
     assert_eq!((environment.image().width, environment.image().height), (512, 256));
     assert_eq!(warnings.len(), 1);
     assert!(
-        warnings[0].ends_with("city-negative.exr: 158 of 131072 texels were negative or not finite; they count as 0"),
+        warnings[0]
+            .ends_with("city-negative.exr: 158 of 131072 texels hold negative or non-finite values, which count as 0"),
         "{}",
         warnings[0]
     );
@@ -203,6 +204,23 @@ fn the_picture_is_the_display_window() {
     assert_eq!(exr.channel("Y").unwrap()[15..], [0.0; 5]);
 }
 
+#[test]
+fn subsampled_channels_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sub.exr");
+    let channels = vec![("Y".to_owned(), vec![0.5; 12])];
+    write_exr_channels(&path, Exr { width: 4, height: 3, channels, metadata: vec![] }).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    // In the channel list: the name, its type (float is 2), four bytes, the sampling in x and y.
+    let entry = [b"Y\0".as_slice(), &2u32.to_le_bytes()].concat();
+    let at = bytes.windows(entry.len()).position(|w| w == entry).unwrap() + entry.len() + 4;
+    assert_eq!(bytes[at..at + 4], 1u32.to_le_bytes());
+    bytes[at] = 2;
+    fs::write(&path, &bytes).unwrap();
+    let error = read_image(&path).unwrap_err().to_string();
+    assert!(error.contains("channel Y is subsampled"), "{error}");
+}
+
 /// A repeatable stream of numbers.
 struct Stream(u64);
 
@@ -231,7 +249,7 @@ fn damaged_pictures_are_errors_or_pictures_and_never_more() {
     let files = [fs::read(&ours).unwrap(), fs::read(data("small-b44a.exr")).unwrap(), hdr];
     let mut random = Stream(0x9e37_79b9_7f4a_7c15);
     for (f, whole) in files.iter().enumerate() {
-        for round in 0..600 {
+        for round in 0..300 {
             let mut bytes = whole.clone();
             // Half of the flips in the header, where they matter most.
             let span = if round % 2 == 0 { bytes.len().min(500) } else { bytes.len() };

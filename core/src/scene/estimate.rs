@@ -143,7 +143,7 @@ impl Records {
     /// The n of 12·n² directions, where there is one.
     pub fn nside(&self) -> Option<u32> {
         let n = (f64::from(self.directions) / 12.0).sqrt().round() as u32;
-        (n >= 1 && n <= Self::MAX_NSIDE && 12 * n * n == self.directions).then_some(n)
+        ((1..=Self::MAX_NSIDE).contains(&n) && 12 * n * n == self.directions).then_some(n)
     }
 
     fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {

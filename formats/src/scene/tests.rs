@@ -259,7 +259,7 @@ fn environments_come_from_a_picture_or_a_number() {
     std::fs::write(&path, format!("{BASE}{BOX}[environment]\nfile = \"sky.exr\"\nscale = [1, 2, 3]\n")).unwrap();
     let loaded = load_scene(&path, &[]).unwrap();
     assert_eq!(loaded.files, [path.clone(), folder.path().join("sky.exr")]);
-    assert!(loaded.warnings[0].contains("sky.exr: 158 of 131072 texels were negative"), "{:?}", loaded.warnings);
+    assert!(loaded.warnings[0].contains("sky.exr: 158 of 131072 texels hold negative"), "{:?}", loaded.warnings);
     assert_eq!(loaded.scene.environment.unwrap().image().width, 512);
 
     let set = [("environment.file".to_owned(), "none.exr".to_owned())];
