@@ -41,8 +41,8 @@ impl FormatError {
     }
 
     /// [`FormatError::Content`] at `place`.
-    pub fn content(path: impl AsRef<Path>, place: Option<String>, what: impl Into<String>) -> Self {
-        Self::Content { path: path.as_ref().to_owned(), place, what: what.into() }
+    pub fn content(path: impl AsRef<Path>, place: impl Into<Option<String>>, what: impl Into<String>) -> Self {
+        Self::Content { path: path.as_ref().to_owned(), place: place.into(), what: what.into() }
     }
 
     /// [`FormatError::Unsupported`].

@@ -116,6 +116,11 @@ impl Grid {
         self.index_to_world
     }
 
+    /// The same values, placed in the world by another map.
+    pub fn placed_by(self, index_to_world: DAffine3) -> Self {
+        Self { index_to_world, ..self }
+    }
+
     /// The values as they are held.
     pub fn storage(&self) -> &Storage {
         &self.storage

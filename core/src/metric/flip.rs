@@ -86,11 +86,7 @@ fn hyab(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 fn remap(difference: f64, largest: f64) -> f64 {
     let (at, value) = (BEND.0 * largest, BEND.1);
-    if difference < at {
-        value / at * difference
-    } else {
-        value + (difference - at) / (largest - at) * (1.0 - value)
-    }
+    if difference < at { value / at * difference } else { value + (difference - at) / (largest - at) * (1.0 - value) }
 }
 
 /// A picture convolved with `across` along rows and `down` along columns, clamped at the edge.
@@ -127,9 +123,8 @@ fn contrast_filter(picture: &[[f64; 3]], size: (usize, usize)) -> Vec<[f64; 3]> 
                 if a == 0.0 {
                     continue;
                 }
-                let line: Vec<f64> = (-radius..=radius)
-                    .map(|i| (-(PI * f64::from(i) / PIXELS_PER_DEGREE).powi(2) / b).exp())
-                    .collect();
+                let line: Vec<f64> =
+                    (-radius..=radius).map(|i| (-(PI * f64::from(i) / PIXELS_PER_DEGREE).powi(2) / b).exp()).collect();
                 let scale = a * (PI / b).sqrt();
                 weight += scale * line.iter().sum::<f64>().powi(2);
                 let part = convolve(&plane, size, &line, &line);

@@ -17,7 +17,6 @@
 //! ([`Volume::placed`]), a voxel is a cube of a metre and the box begins at the origin. A scene may lay the box
 //! elsewhere with its `bounds`.
 
-mod atomic;
 mod bytes;
 mod dense;
 mod fault;

@@ -10,11 +10,11 @@ use flate2::write::ZlibEncoder;
 use glam::{DMat3, DMat4, DVec3, I64Vec3, IVec3};
 use half::f16;
 
-use super::super::atomic;
 use super::super::fault::{Fault, room};
 use super::tree::{LOWER_LOG2, ROOT_SIDE, UPPER_LOG2, UPPER_SIDE};
 use super::{ACTIVE_MASK, FLOAT_TREE, HALF_SUFFIX, MAGIC, ZIP};
 use crate::error::FormatError;
+use crate::output::write_atomically;
 
 /// The format's version, and the version of OpenVDB that is named as the writer's.
 const VERSION: u32 = 224;
@@ -42,7 +42,7 @@ pub struct VdbWriteOptions {
 pub fn write_vdb(path: impl AsRef<Path>, grids: &[(&str, &Grid)], options: VdbWriteOptions) -> Result<(), FormatError> {
     let path = path.as_ref();
     let bytes = encode(grids, options).map_err(|fault| fault.of(path))?;
-    atomic::write(path, &bytes)
+    write_atomically(path, |file| file.write_all(&bytes).map_err(FormatError::io(path)))
 }
 
 /// The bytes that [`write_vdb`] writes; `path` is only for messages.
