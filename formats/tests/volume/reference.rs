@@ -1,7 +1,7 @@
 //! The reference density in every format that it exists in.
 
-use airlight_formats::volume::{self, Format};
 use crate::common::{dense, reference};
+use airlight_formats::volume::{self, Format};
 use glam::{DVec3, IVec3, UVec3};
 use serde_json::Value;
 

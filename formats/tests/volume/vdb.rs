@@ -1,8 +1,8 @@
 //! OpenVDB files of its own library, and files that it would not write.
 
+use crate::common::{at, dense, fixture, message, parse};
 use airlight_core::media::{Grid, IndexBox, Storage};
 use airlight_formats::volume::{self, GridInfo};
-use crate::common::{at, dense, fixture, message, parse};
 use glam::{DVec3, IVec3, UVec3};
 
 fn grid(file: &str, name: Option<&str>) -> Grid {

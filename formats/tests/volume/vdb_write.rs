@@ -1,8 +1,8 @@
 //! Written OpenVDB files, read back.
 
+use crate::common::{at, dense, fixture, message, reference};
 use airlight_core::media::{Brick, Grid, IndexBox, Storage, Tile};
 use airlight_formats::volume::{self, VdbWriteOptions, write_vdb};
-use crate::common::{at, dense, fixture, message, reference};
 use glam::{DAffine3, DMat3, DVec3, IVec3, UVec3};
 
 const ALL: [VdbWriteOptions; 4] = [

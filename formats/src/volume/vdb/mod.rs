@@ -15,6 +15,7 @@ use glam::{DAffine3, IVec3, UVec3};
 
 use super::bytes::Reader;
 use super::fault::Fault;
+use super::text::shown;
 use super::{GridInfo, Volume, choose};
 use codec::Codec;
 use tree::{Extent, Tree};
@@ -74,10 +75,10 @@ struct Head {
 }
 
 /// A name as users see and give it.
-fn shown(unique: &str) -> String {
+fn name(unique: &str) -> String {
     match unique.split_once(NAME_SEPARATOR) {
-        Some((name, number)) => format!("{name}[{number}]"),
-        None => unique.into(),
+        Some((name, number)) => format!("{}[{}]", shown(name), shown(number)),
+        None => shown(unique),
     }
 }
 
@@ -170,7 +171,7 @@ impl<'a> Archive<'a> {
         if grid.tree_type.strip_suffix(HALF_SUFFIX).unwrap_or(&grid.tree_type) == FLOAT_TREE {
             return Ok(());
         }
-        Err(Fault::Unsupported(format!("is of type {}; airlight reads {FLOAT_TREE}", grid.tree_type)))
+        Err(Fault::Unsupported(format!("is of type {}; airlight reads {FLOAT_TREE}", shown(&grid.tree_type))))
     }
 
     fn tree(&self, grid: &Descriptor, head: &Head, values: bool) -> Result<Tree, Fault> {
@@ -189,7 +190,7 @@ impl<'a> Archive<'a> {
                 .grids
                 .iter()
                 .find(|other| other.name == *parent && other.parent.is_none())
-                .ok_or_else(|| Fault::new(format!("shares the tree of '{}', which is not there", shown(parent))))?,
+                .ok_or_else(|| Fault::new(format!("shares the tree of '{}', which is not there", name(parent))))?,
         };
         self.float_tree(owner)?;
         self.tree(owner, &self.head(owner)?, values)
@@ -201,12 +202,12 @@ impl<'a> Archive<'a> {
         let kind = grid.tree_type.strip_suffix(HALF_SUFFIX).unwrap_or(&grid.tree_type);
         let value_type = match kind.strip_prefix("Tree_").and_then(|t| t.split('_').next()) {
             Some("float") if half => "half".into(),
-            Some(name) if half => format!("{name} as half"),
-            Some(name) => name.into(),
-            None => kind.into(),
+            Some(name) if half => format!("{} as half", shown(name)),
+            Some(name) => shown(name),
+            None => shown(kind),
         };
         let mut info = GridInfo {
-            name: shown(&grid.name),
+            name: name(&grid.name),
             value_type,
             class: String::new(),
             encoding: String::new(),
@@ -242,7 +243,7 @@ impl<'a> Archive<'a> {
             }
         }
         info.index_to_world = head.map.ok();
-        info.class = head.class;
+        info.class = shown(&head.class);
         info
     }
 }
