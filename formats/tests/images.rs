@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use airlight_core::scene::Film;
 use airlight_formats::image::{
-    Exr, ImageFormat, load_environment, read_exr_channels, read_image, write_exr, write_exr_channels, write_film, ToneMap,
+    Exr, ImageFormat, ToneMap, load_environment, read_exr_channels, read_image, write_exr, write_exr_channels,
+    write_film,
 };
 
 fn data(name: &str) -> PathBuf {
