@@ -33,23 +33,28 @@ impl<'a> Texels<'a> {
         self.dims.map(|d| d as f32)
     }
 
-    /// The texels around `p`, with indices clamped at the edge.
+    /// Along axis `a`: the lower of the two texels around `p`, the step in offset to the upper one, and the place
+    /// between them. Indices are clamped at the edge.
+    #[inline(always)]
+    fn between(&self, p: F, a: usize, pitch: i32) -> (I, I, F) {
+        // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
+        let last = self.dims[a] - 1;
+        let q = p.max(F::ZERO).min(F::splat(last as f32));
+        let at = q.to_int();
+        let f = q - F(lanes!(i => at.0[i] as f32));
+        let step = I(lanes!(i => if at.0[i] < last { pitch } else { 0 }));
+        (at, step, f)
+    }
+
+    /// The texels around `p`.
     #[inline(always)]
     fn corners(&self, p: [F; 3]) -> Corners {
-        let mut at = [I([0; LANES]); 3];
-        let mut step = at;
-        let mut f = [F::ZERO; 3];
-        let pitch = [1, self.dims[0], self.dims[0] * self.dims[1]];
-        for a in 0..3 {
-            // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
-            let last = self.dims[a] - 1;
-            let q = p[a].max(F::ZERO).min(F::splat(last as f32));
-            at[a] = q.to_int();
-            f[a] = q - F(lanes!(i => at[a].0[i] as f32));
-            step[a] = I(lanes!(i => if at[a].0[i] < last { pitch[a] } else { 0 }));
-        }
-        let base = I(lanes!(i => at[0].0[i] + at[1].0[i] * pitch[1] + at[2].0[i] * pitch[2]));
-        Corners { base, step, f }
+        let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
+        let (x, dx, fx) = self.between(p[0], 0, 1);
+        let (y, dy, fy) = self.between(p[1], 1, row);
+        let (z, dz, fz) = self.between(p[2], 2, slice);
+        let base = I(lanes!(i => x.0[i] + y.0[i] * row + z.0[i] * slice));
+        Corners { base, step: [dx, dy, dz], f: [fx, fy, fz] }
     }
 
     #[inline(always)]
@@ -149,16 +154,13 @@ impl Ray {
     /// ceil(length / longest) equal steps.
     #[inline(always)]
     pub(crate) fn through(origin: [F; 3], direction: [F; 3], size: [f32; 3], limit: F, longest: f32) -> Self {
-        let (mut near, mut far) = (F::ZERO, limit);
-        let mut direction = direction;
-        for a in 0..3 {
-            // A ray along a wall: far enough from parallel that the quotients below are numbers.
-            direction[a] = direction[a].away_from_zero();
-            let lower = (F::splat(-0.5) - origin[a]) / direction[a];
-            let upper = (F::splat(size[a] - 0.5) - origin[a]) / direction[a];
-            near = near.max(lower.min(upper));
-            far = far.min(lower.max(upper));
-        }
+        // A ray along a wall: far enough from parallel that the quotients below are numbers.
+        let direction = triple!(a => direction[a].away_from_zero());
+        let lower = triple!(a => (F::splat(-0.5) - origin[a]) / direction[a]);
+        let upper = triple!(a => (F::splat(size[a] - 0.5) - origin[a]) / direction[a]);
+        let [x, y, z] = triple!(a => (lower[a].min(upper[a]), lower[a].max(upper[a])));
+        let near = F::ZERO.max(x.0).max(y.0).max(z.0);
+        let far = limit.min(x.1).min(y.1).min(z.1);
         let length = (far - near).max(F::ZERO);
         let steps = (length / longest).ceil();
         let step = steps.gt(F::ZERO).select(length / steps.max(F::ONE), F::ZERO);
