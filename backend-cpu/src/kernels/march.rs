@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::harmonics;
 use super::phase::Phase;
 use super::project::segment;
-use super::sample::{Occupancy, Ray, Texels, sample_rgba};
+use super::sample::{Layers, Occupancy, Ray, Texels, sample_rgba};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
@@ -251,22 +251,23 @@ impl Path {
             return;
         }
         let place = [0, 1, 2].map(|a| (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
-        let dims = [0, 1, 2].map(|a: usize| p.cells[a] as usize);
-        let (size, trilinear) = (dims[0] * dims[1] * dims[2], p.trilinear == 1);
+        let [dims @ .., layers] = p.cells.map(|n| n as usize);
+        let field = Layers { texels: inputs.in_scatter, dims, layers };
+        let trilinear = p.trilinear == 1;
         for i in 0..LANES {
             if !dense.lane(i) {
                 continue;
             }
             let place = place.map(|v| v.0[i]);
-            if p.cells[3] == 1 {
-                let j = sample_rgba(inputs.in_scatter, dims, place, trilinear);
+            if layers == 1 {
+                let j = sample_rgba(field, 0, place, trilinear);
                 for c in 0..3 {
                     light[c].0[i] += j[c];
                 }
                 continue;
             }
-            for (k, layer) in inputs.in_scatter.chunks_exact(size).enumerate() {
-                let j = sample_rgba(layer, dims, place, trilinear);
+            for k in 0..layers {
+                let j = sample_rgba(field, k, place, trilinear);
                 for c in 0..3 {
                     light[c].0[i] += self.harmonics[k].0[i] * j[c];
                 }

@@ -192,10 +192,18 @@ impl Ray {
     }
 }
 
+/// An RGBA field of several layers, layer fastest.
+#[derive(Clone, Copy)]
+pub(crate) struct Layers<'a> {
+    pub(crate) texels: &'a [[f32; 4]],
+    pub(crate) dims: [usize; 3],
+    pub(crate) layers: usize,
+}
+
 /// Texel (x, y, z) of one layer of an RGBA field.
 #[inline(always)]
-fn rgba(layer: &[[f32; 4]], dims: [usize; 3], at: [usize; 3]) -> [f32; 4] {
-    layer[(at[2] * dims[1] + at[1]) * dims[0] + at[0]]
+fn rgba(field: Layers<'_>, layer: usize, at: [usize; 3]) -> [f32; 4] {
+    field.texels[((at[2] * field.dims[1] + at[1]) * field.dims[0] + at[0]) * field.layers + layer]
 }
 
 #[inline(always)]
@@ -205,17 +213,18 @@ fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
 
 /// Trilinear lookup of one layer of an RGBA field at `p`, where texel i lies at i; or the nearest texel.
 #[inline(always)]
-pub(crate) fn sample_rgba(layer: &[[f32; 4]], dims: [usize; 3], p: [f32; 3], trilinear: bool) -> [f32; 4] {
+pub(crate) fn sample_rgba(field: Layers<'_>, layer: usize, p: [f32; 3], trilinear: bool) -> [f32; 4] {
+    let dims = field.dims;
     let last = dims.map(|d| (d - 1) as f32);
     if !trilinear {
         let at = [0, 1, 2].map(|a| (p[a] + 0.5).floor().max(0.0).min(last[a]) as usize);
-        return rgba(layer, dims, at);
+        return rgba(field, layer, at);
     }
     let q = [0, 1, 2].map(|a: usize| p[a].max(0.0).min(last[a]));
     let lo = q.map(|v| v as usize);
     let f = [0, 1, 2].map(|a| q[a] - lo[a] as f32);
     let hi = [0, 1, 2].map(|a| (lo[a] + 1).min(dims[a] - 1));
-    let row = |y: usize, z: usize| mix(rgba(layer, dims, [lo[0], y, z]), rgba(layer, dims, [hi[0], y, z]), f[0]);
+    let row = |y: usize, z: usize| mix(rgba(field, layer, [lo[0], y, z]), rgba(field, layer, [hi[0], y, z]), f[0]);
     let slice = |z: usize| mix(row(lo[1], z), row(hi[1], z), f[1]);
     mix(slice(lo[2]), slice(hi[2]), f[2])
 }

@@ -158,6 +158,7 @@ impl Kernel for March {
     }
 
     fn bindings(&self) -> Vec<Binding> {
+        let row = u64::from(Self::BLOCK) * u64::from(self.params.width);
         vec![
             Binding::sample("density", Some(self.density)),
             Binding::sample("emission_density", self.emission),
@@ -166,14 +167,18 @@ impl Kernel for March {
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
             Binding::read("environment", self.environment),
-            Binding::read("surface", self.surface),
-            Binding::write("film", Some(self.film)),
+            Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row),
+            Binding::write("film", Some(self.film)).in_parts::<[f32; 4]>(2 * row),
         ]
     }
 
     fn axis(&self) -> u32 {
         let [x, y] = self.blocks();
         x * y
+    }
+
+    fn group(&self) -> u32 {
+        self.blocks()[0]
     }
 
     fn validate(&self) -> Result<(), String> {

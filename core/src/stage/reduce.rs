@@ -57,7 +57,7 @@ impl Kernel for Reduce {
         vec![
             Binding::sample("density", Some(self.density)),
             Binding::sample("other", self.other),
-            Binding::write("reduced", Some(self.out)),
+            Binding::write("reduced", Some(self.out)).in_parts::<[f32; 2]>(1),
         ]
     }
 
