@@ -149,9 +149,9 @@ pub struct Binding {
 }
 
 impl Binding {
-    /// A field that is sampled.
-    pub fn sample(name: &'static str, field: Option<Field>) -> Self {
-        let none = FieldSpec { dims: [0; 3], layers: 0, format: FieldFormat::Scalar };
+    /// A field that is sampled. Its format is said also where the stage runs without it, because a kernel is typed.
+    pub fn sample(name: &'static str, format: FieldFormat, field: Option<Field>) -> Self {
+        let none = FieldSpec { dims: [0; 3], layers: 0, format };
         let access = BindingAccess::Sample(field.map_or(none, |f| f.spec));
         Self { name, id: field.map(|f| f.id), access, part: None }
     }

@@ -160,9 +160,9 @@ impl Kernel for March {
     fn bindings(&self) -> Vec<Binding> {
         let row = u64::from(Self::BLOCK) * u64::from(self.params.width);
         vec![
-            Binding::sample("density", Some(self.density)),
-            Binding::sample("emission_density", self.emission),
-            Binding::sample("in_scatter", self.in_scatter),
+            Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
+            Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
+            Binding::sample("in_scatter", FieldFormat::Rgba, self.in_scatter),
             Binding::read("occupancy", self.occupancy),
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
