@@ -1,0 +1,4 @@
+//! x
+#![allow(missing_docs)]
+mod cut;
+mod source;
