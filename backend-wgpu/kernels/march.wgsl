@@ -215,7 +215,7 @@ fn incident(light: LightRecord, d: vec3<f32>, t: f32) -> Incident {
     if light.cone.z == 1.0 {
         // A cone without a rim is a step at the cutoff.
         let rim = max(light.cone.y - light.cone.x, 1e-6);
-        let angle = acos(clamp(dot(-light.axis.xyz, toward), -1.0, 1.0));
+        let angle = angle_of_cosine(dot(-light.axis.xyz, toward));
         falloff *= clamp((light.cone.y - angle) / rim, 0.0, 1.0);
     }
     return Incident(toward, distance, falloff);
@@ -225,9 +225,9 @@ fn incident(light: LightRecord, d: vec3<f32>, t: f32) -> Incident {
 fn sky(d: vec3<f32>) -> vec3<f32> {
     let width = i32(params.environment_width);
     let height = i32(params.environment_height);
-    let u = atan2(d.x, -d.z) / (2.0 * PI) + params.environment.w;
+    let u = angle(d.x, -d.z) / (2.0 * PI) + params.environment.w;
     let x = (u - floor(u)) * f32(width) - 0.5;
-    let y = acos(clamp(d.y, -1.0, 1.0)) / PI * f32(height) - 0.5;
+    let y = angle_of_cosine(d.y) / PI * f32(height) - 0.5;
     let i = i32(floor(x));
     let j = i32(floor(y));
     let above = sky_row(i, j, x - floor(x));

@@ -1,6 +1,5 @@
 // Phase functions. A kernel gives the table: phase_value(i) and phase_size().
 
-const PI: f32 = 3.14159265358979;
 const FOUR_PI: f32 = 12.5663706143592;
 
 fn henyey_greenstein(g: f32, c: f32) -> f32 {
@@ -10,7 +9,7 @@ fn henyey_greenstein(g: f32, c: f32) -> f32 {
 
 fn phase_lookup(c: f32) -> f32 {
     let last = phase_size() - 1u;
-    let at = acos(clamp(c, -1.0, 1.0)) / PI * f32(last);
+    let at = angle_of_cosine(c) / PI * f32(last);
     let i = min(u32(at), last - 1u);
     let a = phase_value(i);
     return a + (phase_value(i + 1u) - a) * (at - f32(i));

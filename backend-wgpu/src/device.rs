@@ -22,8 +22,8 @@ use crate::store::{Bound, Store};
 /// A graphics processor as a device.
 #[derive(Debug)]
 pub struct WgpuDevice {
-    info: DeviceInfo,
-    gpu: Gpu,
+    pub(crate) info: DeviceInfo,
+    pub(crate) gpu: Gpu,
     limits: wgpu::Limits,
     store: Store,
     /// Kernels by stage and the shapes of its bindings.
@@ -111,7 +111,7 @@ impl Device for WgpuDevice {
     }
 
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
-        self.gpu.check()?;
+        self.gpu.enter()?;
         self.store.add(id, || Resource::new(&self.gpu, spec, &self.info.limits))
     }
 
@@ -120,7 +120,7 @@ impl Device for WgpuDevice {
     }
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
-        self.gpu.check()?;
+        self.gpu.enter()?;
         match self.store.get(id)? {
             Resource::Buffer(memory) => {
                 span(offset, data.len(), memory.bytes)?;
@@ -145,14 +145,14 @@ impl Device for WgpuDevice {
     }
 
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
-        self.gpu.check()?;
+        self.gpu.enter()?;
         let memory = self.store.buffer(id)?;
         span(offset, out.len(), memory.bytes)?;
         self.gpu.read(&memory.buffer, offset, out)
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
-        self.gpu.check()?;
+        self.gpu.enter()?;
         let spec = self.store.field(to)?.spec;
         let held = self.store.buffer(from)?.bytes;
         if held != spec.bytes() {
@@ -187,7 +187,7 @@ impl Device for WgpuDevice {
     }
 
     fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
-        self.gpu.check()?;
+        self.gpu.enter()?;
         stage.validate().map_err(DeviceError::Invalid)?;
         if range.start > range.end || range.end > stage.axis() {
             return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
@@ -203,6 +203,3 @@ impl Device for WgpuDevice {
         self.clock.finish(&mut self.gpu)
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -62,6 +62,13 @@ impl Gpu {
         faults.late.take().map_or(Ok(()), Err)
     }
 
+    /// As [`Gpu::check`], after hearing of what happened since the last call: a lost device says nothing by itself.
+    pub(crate) fn enter(&self) -> Result<(), DeviceError> {
+        // What polling says besides is heard when something is waited for.
+        let _ = self.device.poll(PollType::Poll);
+        self.check()
+    }
+
     /// Makes calls of wgpu and catches what they report; `bytes` is what they ask for.
     pub(crate) fn guarded<R>(&self, bytes: u64, calls: impl FnOnce() -> R) -> Result<R, DeviceError> {
         self.check()?;

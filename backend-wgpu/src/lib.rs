@@ -25,3 +25,6 @@ pub const PROVIDER: Provider = Provider {
     enumerate: adapter::enumerate,
     open: |index| adapter::open(index).map(|device| Box::new(device) as _),
 };
+
+#[cfg(test)]
+mod tests;

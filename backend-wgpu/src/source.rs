@@ -60,6 +60,7 @@ macro_rules! file {
 const LAUNCH: File = file!("launch.wgsl");
 const FIELD: File = file!("field.wgsl");
 const SAMPLE: File = file!("sample.wgsl");
+const ANGLE: File = file!("angle.wgsl");
 const PHASE: File = file!("phase.wgsl");
 const HARMONICS: File = file!("harmonics.wgsl");
 const SEGMENT: File = file!("segment.wgsl");
@@ -96,7 +97,7 @@ static PROJECT: Source = Source {
     params: ProjectParams::NAME,
     structs: &[ProjectParams::wgsl],
     per_field: &[FIELD],
-    files: &[LAUNCH, SAMPLE, PHASE, SEGMENT, file!("project.wgsl")],
+    files: &[LAUNCH, SAMPLE, ANGLE, PHASE, SEGMENT, file!("project.wgsl")],
 };
 
 static RELIGHT: Source = Source {
@@ -114,7 +115,7 @@ static MARCH: Source = Source {
     params: MarchParams::NAME,
     structs: &[MarchParams::wgsl, LightRecord::wgsl],
     per_field: &[FIELD],
-    files: &[LAUNCH, SAMPLE, PHASE, HARMONICS, SEGMENT, file!("march.wgsl")],
+    files: &[LAUNCH, SAMPLE, ANGLE, PHASE, HARMONICS, SEGMENT, file!("march.wgsl")],
 };
 
 static PUBLISH: Source = Source {
@@ -186,7 +187,7 @@ pub(crate) struct Text {
 }
 
 impl Text {
-    fn push(&mut self, name: &'static str, text: &str) {
+    pub(crate) fn push(&mut self, name: &'static str, text: &str) {
         self.parts.push((self.wgsl.lines().count() + 1, name));
         self.wgsl.push_str(text);
         if !text.ends_with('\n') {
