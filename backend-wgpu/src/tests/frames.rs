@@ -1,6 +1,9 @@
 //! Whole pictures, against the processor's.
 
-use airlight_core::exec::Renderer;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use airlight_core::device::Device;
+use airlight_core::exec::{ExecError, Hooks, RenderError, Renderer};
 use airlight_core::glam::UVec3;
 use airlight_core::media::{Optics, Phase};
 use airlight_core::scene::{Content, Elimination, Film, Records, Scene};
@@ -74,7 +77,7 @@ fn records_past_the_largest_binding_are_the_processors() {
     let mut scene = scenes::scene(medium, optics, records, vec![]);
     (scene.camera.width, scene.camera.height, scene.camera.samples) = (16, 9, 1);
     scene.quality.step = 2.0;
-    let limit = airlight_core::device::Device::info(&device).limits.binding_bytes;
+    let limit = device.info().limits.binding_bytes;
     let mut renderer = Renderer::new(Box::new(device));
     let rendered = renderer.render(&scene).unwrap();
     // Records of 10 bands in RGB, relit to as many layers of RGBA, and those once more as a field.
@@ -85,4 +88,31 @@ fn records_past_the_largest_binding_are_the_processors() {
     );
     eprintln!("{} bytes in bindings of at most {limit}", rendered.report.bytes);
     compare("large records", &rendered.film, &on_cpu(&scene));
+}
+
+#[test]
+fn a_cancelled_picture_does_not_spoil_the_next() {
+    let Some(gpu) = device() else { return };
+    let optics = || Optics::grey(9.0, 0.9);
+    let scene = || {
+        let medium = scenes::medium(UVec3::new(11, 7, 9), false);
+        scenes::scene(medium, optics(), scenes::records(Content::Radiance, 1), vec![])
+    };
+    let devices: [Box<dyn Device>; 2] = [Box::new(gpu), Box::new(CpuDevice::new())];
+    for device in devices {
+        let mut renderer = Renderer::new(device);
+        // Once its pace is known, a stage is no longer waited for: what was dispatched is still under way.
+        renderer.render(&scene()).unwrap();
+        let (cancel, next) = (AtomicBool::new(false), scene());
+        let mut calls = 0;
+        let mut progress = |_| {
+            calls += 1;
+            cancel.store(calls == 4, Ordering::Relaxed);
+        };
+        let mut hooks = Hooks { progress: Some(&mut progress), cancel: Some(&cancel) };
+        let cancelled = renderer.render_with(&next, &mut hooks).unwrap_err();
+        assert_eq!(cancelled, RenderError::Exec(ExecError::Cancelled));
+        let film = renderer.render(&next).unwrap().film;
+        compare("after cancelling", &film, &on_cpu(&next));
+    }
 }
