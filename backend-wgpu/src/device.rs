@@ -24,7 +24,7 @@ use crate::store::{Bound, Store};
 pub struct WgpuDevice {
     pub(crate) info: DeviceInfo,
     pub(crate) gpu: Gpu,
-    limits: wgpu::Limits,
+    pub(crate) limits: wgpu::Limits,
     store: Store,
     /// Kernels by stage and the shapes of its bindings.
     pipelines: HashMap<(&'static str, Vec<Shape>), Arc<Pipeline>>,

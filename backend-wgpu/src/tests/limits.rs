@@ -1,7 +1,7 @@
 //! Ranges, windows, slabs and planes of workgroups, stage by stage against the processor.
 
 use airlight_core::device::{Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, StageTime};
-use airlight_core::stage::{Reduce, ReduceParams, Relight, RelightParams, Stage};
+use airlight_core::stage::{Reduce, ReduceParams, Stage};
 use airlight_cpu::CpuDevice;
 
 use super::{content, device, empty, filled, relative_l2, scalar, small_device};
@@ -57,22 +57,7 @@ fn more_workgroups_than_fit_a_row_fill_a_plane() {
     // Rows of workgroups are this long almost everywhere; a workgroup takes 64 cells.
     let cells = 65_535 * 64 + 1000;
     let records: Vec<f32> = (0..cells).map(|i| (i % 8191) as f32).collect();
-    let stage = Relight {
-        params: RelightParams {
-            cells,
-            coefficients: 1,
-            channels: 1,
-            layers: 1,
-            emission_coefficients: 0,
-            emission_weight: 0.0,
-            unused_0: 0,
-            unused_1: 0,
-        },
-        records: filled(&mut device, 0, &records),
-        emission_records: None,
-        light: filled(&mut device, 1, &[[2.0f32, 4.0, 8.0, 0.0]]),
-        out: empty(&mut device, 2, cells as usize),
-    };
+    let stage = super::relight(&mut device, &records);
     device.dispatch(&Stage::Relight(stage.clone()), 0..cells).unwrap();
     let got = content(&mut device, stage.out);
     // Powers of two times small whole numbers are exact.

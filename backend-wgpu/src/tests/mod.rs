@@ -7,6 +7,7 @@ mod scenes;
 mod trouble;
 
 use airlight_core::device::{Buf, Device, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
+use airlight_core::stage::{Relight, RelightParams};
 
 use crate::{WgpuDevice, adapter};
 
@@ -56,6 +57,23 @@ fn content<T: bytemuck::Pod>(device: &mut dyn Device, buf: Buf<T>) -> Vec<T> {
 /// A scalar field of one layer.
 fn scalar(dims: [u32; 3]) -> FieldSpec {
     FieldSpec { dims, layers: 1, format: FieldFormat::Scalar }
+}
+
+/// `relight` of records of one value each, under light of (2, 4, 8).
+fn relight(device: &mut dyn Device, records: &[f32]) -> Relight {
+    Relight {
+        params: RelightParams {
+            cells: records.len() as u32,
+            coefficients: 1,
+            channels: 1,
+            layers: 1,
+            ..bytemuck::Zeroable::zeroed()
+        },
+        records: filled(device, 0, records),
+        emission_records: None,
+        light: filled(device, 1, &[[2.0f32, 4.0, 8.0, 0.0]]),
+        out: empty(device, 2, records.len()),
+    }
 }
 
 /// ‖a - b‖ / ‖b‖.

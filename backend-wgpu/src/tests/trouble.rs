@@ -1,7 +1,7 @@
 //! Faults: what was asked for wrongly, and what goes wrong by itself.
 
 use airlight_core::device::{Device, DeviceError, ResourceId, ResourceSpec, Usage};
-use airlight_core::stage::{Relight, RelightParams, Stage};
+use airlight_core::stage::Stage;
 
 use super::{device, empty, scalar};
 use crate::PROVIDER;
@@ -44,28 +44,19 @@ fn calls_that_do_not_fit_the_resources_are_invalid() {
 #[test]
 fn a_dispatch_that_fails_has_no_time() {
     let Some(mut device) = device() else { return };
-    let stage = Relight {
-        params: RelightParams {
-            cells: 3,
-            coefficients: 1,
-            channels: 1,
-            layers: 1,
-            emission_coefficients: 0,
-            emission_weight: 0.0,
-            unused_0: 0,
-            unused_1: 0,
-        },
-        records: empty(&mut device, 0, 3),
-        emission_records: None,
-        light: empty(&mut device, 1, 1),
-        out: empty(&mut device, 2, 3),
-    };
+    let cells = 65_535 * 64 + 1;
+    let stage = super::relight(&mut device, &vec![1.0; cells]);
     let good = Stage::Relight(stage.clone());
     let mut gone = stage;
     gone.out.id = ResourceId(7);
     assert!(matches!(device.dispatch(&Stage::Relight(gone), 0..3), Err(DeviceError::Invalid(_))));
-    assert!(matches!(device.dispatch(&good, 0..4), Err(DeviceError::Invalid(_))));
-    device.dispatch(&good, 0..3).unwrap();
+    assert!(matches!(device.dispatch(&good, 0..u32::MAX), Err(DeviceError::Invalid(_))));
+    // A row of workgroups longer than the adapter takes: wgpu itself refuses it, after the clock has started.
+    let most = std::mem::replace(&mut device.limits.max_compute_workgroups_per_dimension, u32::MAX);
+    let error = device.dispatch(&good, 0..cells as u32).unwrap_err();
+    assert!(matches!(&error, DeviceError::Backend(text) if text.contains("65536")), "{error}");
+    device.limits.max_compute_workgroups_per_dimension = most;
+    device.dispatch(&good, 0..cells as u32).unwrap();
     assert_eq!(device.finish().unwrap().len(), 1);
 }
 
