@@ -206,50 +206,59 @@ fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     [a[0] + (b[0] - a[0]) * f, a[1] + (b[1] - a[1]) * f, a[2] + (b[2] - a[2]) * f, a[3] + (b[3] - a[3]) * f]
 }
 
-/// Interpolates along x between two texels of the row that starts at `row`.
-#[inline(always)]
-fn mix_row(layer: &[[f32; 4]], row: usize, x: [usize; 2], f: f32) -> [f32; 4] {
-    mix(layer[row + x[0]], layer[row + x[1]], f)
-}
-
-/// Where a lookup falls in a field over the record cells: the two texels along each axis, and the place between them.
+/// Where a lookup falls in a field over the record cells: offsets of the lower and the upper texel's first layer along
+/// each axis, and the place between them.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
-    lo: [usize; 3],
-    hi: [usize; 3],
+    x: [usize; 2],
+    y: [usize; 2],
+    z: [usize; 2],
     f: [f32; 3],
 }
 
 impl Place {
     /// Of the point `p`, where texel i lies at i; both texels are the nearest one unless `trilinear`.
     #[inline(always)]
-    pub(crate) fn new(dims: [usize; 3], p: [f32; 3], trilinear: bool) -> Self {
-        let mut place = Self { lo: [0; 3], hi: [0; 3], f: [0.0; 3] };
-        for a in 0..3 {
-            let last = (dims[a] - 1) as f32;
-            // Nearest: half a texel on and rounded down.
-            let q = if trilinear { p[a] } else { p[a] + 0.5 };
-            let q = q.max(0.0).min(last);
-            place.lo[a] = q as usize;
-            if trilinear {
-                place.f[a] = q - place.lo[a] as f32;
-                place.hi[a] = (place.lo[a] + 1).min(dims[a] - 1);
-            } else {
-                place.hi[a] = place.lo[a];
-            }
+    pub(crate) fn new(dims: [usize; 3], layers: usize, p: [f32; 3], trilinear: bool) -> Self {
+        let [x, y, z] = triple!(a => between(dims[a], p[a], trilinear));
+        let (row, slice) = (layers * dims[0], layers * dims[0] * dims[1]);
+        Self {
+            x: [x.0 * layers, x.1 * layers],
+            y: [y.0 * row, y.1 * row],
+            z: [z.0 * slice, z.1 * slice],
+            f: [x.2, y.2, z.2],
         }
-        place
     }
 }
 
-/// Trilinear lookup of one layer of an RGBA field, x then y then z.
+/// The two texels around `p` of `n`, clamped at the edge, and the place between them.
 #[inline(always)]
-pub(crate) fn sample_rgba(layer: &[[f32; 4]], dims: [usize; 3], place: Place) -> [f32; 4] {
-    let Place { lo, hi, f } = place;
-    let x = [lo[0], hi[0]];
-    let row = [lo[1] * dims[0], hi[1] * dims[0]];
-    let slice = [lo[2] * dims[1] * dims[0], hi[2] * dims[1] * dims[0]];
-    let near = mix(mix_row(layer, slice[0] + row[0], x, f[0]), mix_row(layer, slice[0] + row[1], x, f[0]), f[1]);
-    let far = mix(mix_row(layer, slice[1] + row[0], x, f[0]), mix_row(layer, slice[1] + row[1], x, f[0]), f[1]);
+fn between(n: usize, p: f32, trilinear: bool) -> (usize, usize, f32) {
+    let last = (n - 1) as f32;
+    if trilinear {
+        let q = p.max(0.0).min(last);
+        let at = q as usize;
+        (at, (at + 1).min(n - 1), q - at as f32)
+    } else {
+        // Half a texel on and rounded down.
+        let at = (p + 0.5).max(0.0).min(last) as usize;
+        (at, at, 0.0)
+    }
+}
+
+/// Trilinear lookup of one layer of an RGBA field whose layers are fastest, x then y then z.
+#[inline(always)]
+pub(crate) fn sample_rgba(texels: &[[f32; 4]], place: Place, layer: usize) -> [f32; 4] {
+    let Place { x, y, z, f } = place;
+    let near = mix_row(texels, z[0] + y[0] + layer, x, f[0]);
+    let near = mix(near, mix_row(texels, z[0] + y[1] + layer, x, f[0]), f[1]);
+    let far = mix_row(texels, z[1] + y[0] + layer, x, f[0]);
+    let far = mix(far, mix_row(texels, z[1] + y[1] + layer, x, f[0]), f[1]);
     mix(near, far, f[2])
+}
+
+/// Interpolates along x between two texels of the row that starts at `row`.
+#[inline(always)]
+fn mix_row(texels: &[[f32; 4]], row: usize, x: [usize; 2], f: f32) -> [f32; 4] {
+    mix(texels[row + x[0]], texels[row + x[1]], f)
 }
