@@ -120,6 +120,8 @@ impl Executor {
         let mut written = Vec::new();
         let done = run.nodes(nodes, &slots.names, hooks, &mut written).and_then(|()| run.finish());
         if let Err(error) = done {
+            // What was dispatched before the fault still ends, and its times are not the next run's.
+            let _ = run.device.finish();
             // Faults may surface late, so nothing that this run wrote is trusted.
             for id in written {
                 run.held.entry(id).and_modify(|h| h.key = None);
