@@ -213,25 +213,23 @@ fn grid_values(path: &Path, name: &str) -> Result<Map<String, Value>, Failure> {
     };
     values.remove("dims");
     values.remove("bounds");
-    values.insert("memory".into(), json!(output::bytes(bytes)));
+    values.insert("memory_bytes".into(), json!(bytes));
     Ok(values)
 }
 
-/// The largest grid that is walked voxel by voxel: 2³³ would take minutes.
+/// Voxels of the largest grid that is walked one by one: more would take minutes.
 const MAX_WALK: u64 = 1 << 31;
 
 fn raw_range(grid: &Grid) -> Map<String, Value> {
     let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
-    slices(
-        grid.bounds().dims,
-        |k, out| grid.write_slice(grid.bounds(), grid.bounds().min.z + k as i32, out),
-        |_, s| {
-            for &v in s {
-                (min, max) = (min.min(v), max.max(v));
-            }
-        },
-    );
-    Map::from_iter([("range".to_owned(), json!([number(min.into()), number(max.into())]))])
+    let fill = |k: u32, out: &mut [f32]| grid.write_slice(grid.bounds(), grid.bounds().min.z + k as i32, out);
+    let walked = slices(grid.bounds().dims, fill, |_, slice| {
+        for &v in slice {
+            (min, max) = (min.min(v), max.max(v));
+        }
+    });
+    let range = if walked { json!([number(min.into()), number(max.into())]) } else { Value::Null };
+    Map::from_iter([("range".to_owned(), range)])
 }
 
 /// Calls `visit` with every slice, unless there are too many voxels to visit.
@@ -284,13 +282,10 @@ fn density(medium: &dyn Medium) -> Map<String, Value> {
         let columns = DVec3::new(along_x, along_y, along_z.into_iter().fold(0.0, f64::max)) * edges;
         map.insert("range".into(), json!([number(low.into()), number(high.into())]));
         map.insert("mean".into(), number(sum / lattice.voxels() as f64));
-        map.insert(
-            "filled".into(),
-            json!(format!("{} % of {}", short(100.0 * filled as f64 / lattice.voxels() as f64), lattice.voxels())),
-        );
+        map.insert("filled".into(), number(filled as f64 / lattice.voxels() as f64));
         map.insert("largest_column".into(), json!(columns.to_array().map(number)));
     } else {
-        map.insert("range".into(), json!(format!("not computed: more than {MAX_WALK} voxels")));
+        map.insert("range".into(), Value::Null);
     }
     map
 }
