@@ -1,1 +1,9 @@
-//! Volumes, images, environments and scenes for airlight.
+//! Files that airlight reads and writes: images, scenes and volumes.
+
+pub mod error;
+pub mod image;
+pub mod output;
+pub mod scene;
+pub mod volume;
+
+pub use error::FormatError;
