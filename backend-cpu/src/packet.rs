@@ -33,6 +33,28 @@ macro_rules! lanes {
 }
 pub(crate) use lanes;
 
+/// The same expression for axes or channels 0, 1 and 2. Closures given to `array::map` are not always inlined, and
+/// then run without the caller's instruction set.
+macro_rules! triple {
+    ($a:ident => $value:expr) => {
+        [
+            {
+                let $a = 0usize;
+                $value
+            },
+            {
+                let $a = 1usize;
+                $value
+            },
+            {
+                let $a = 2usize;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use triple;
+
 macro_rules! operator {
     ($trait:ident, $method:ident, $op:tt) => {
         impl $trait for F {
@@ -116,6 +138,12 @@ impl F {
         other.lt(self)
     }
 
+    /// The lanes, with what is nearer to zero than 1e-20 replaced by 1e-20: far enough to divide by.
+    #[inline(always)]
+    pub(crate) fn away_from_zero(self) -> Self {
+        Self(lanes!(i => if self.0[i].abs() < 1e-20 { 1e-20 } else { self.0[i] }))
+    }
+
     /// Each lane through a scalar function: for what is rare.
     #[inline(always)]
     pub(crate) fn each(self, f: impl Fn(f32) -> f32) -> Self {
@@ -157,6 +185,13 @@ impl F {
         }
         let n = n.to_int();
         Self(lanes!(i => p.0[i] * f32::from_bits(((n.0[i] + 127) as u32) << 23)))
+    }
+}
+
+impl I {
+    #[inline(always)]
+    pub(crate) fn plus(self, other: Self) -> Self {
+        Self(lanes!(i => self.0[i] + other.0[i]))
     }
 }
 

@@ -13,6 +13,7 @@ pub mod estimator;
 pub mod exec;
 pub mod light;
 pub mod media;
+pub mod metric;
 pub mod reference;
 pub mod scene;
 pub mod stage;

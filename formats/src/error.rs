@@ -1,7 +1,5 @@
-//! What is wrong with a file.
+//! What can be wrong with a file.
 
-use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// A file that cannot be used: what, where, and what would be right.
@@ -13,14 +11,14 @@ pub enum FormatError {
         /// The file.
         path: PathBuf,
         /// What the operating system said.
-        source: io::Error,
+        source: std::io::Error,
     },
     /// The file's content is wrong.
-    #[error("{}: {}{what}", path.display(), Place(place))]
+    #[error("{}: {}{what}", path.display(), place.as_ref().map(|p| format!("{p}: ")).unwrap_or_default())]
     Content {
         /// The file.
         path: PathBuf,
-        /// Where, when known: "line 12", "header field 'sizes'", "byte 4096".
+        /// Where, when known: "line 12", "header field 'sizes'", "byte 4096", "grid 'density'".
         place: Option<String>,
         /// What is wrong, and what would be right.
         what: String,
@@ -30,38 +28,26 @@ pub enum FormatError {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What it is, and what would be read instead.
+        /// The kind or feature, and what would be read instead.
         what: String,
     },
 }
 
-/// A place and the colon behind it, or nothing.
-struct Place<'a>(&'a Option<String>);
-
-impl fmt::Display for Place<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Some(place) => write!(f, "{place}: "),
-            None => Ok(()),
-        }
-    }
-}
-
 impl FormatError {
-    /// For `map_err`: turns an error of the operating system at `path` into one that names it.
-    pub fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        let path = path.to_path_buf();
+    /// Makes [`FormatError::Io`] of an I/O error: `fs::read(path).map_err(FormatError::io(path))`.
+    pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.as_ref().to_owned();
         move |source| Self::Io { path, source }
     }
 
-    /// Wrong content of `path`, at `place` where that is known.
-    pub fn content(path: &Path, place: impl Into<Option<String>>, what: impl Into<String>) -> Self {
-        Self::Content { path: path.to_path_buf(), place: place.into(), what: what.into() }
+    /// [`FormatError::Content`] at `place`.
+    pub fn content(path: impl AsRef<Path>, place: impl Into<Option<String>>, what: impl Into<String>) -> Self {
+        Self::Content { path: path.as_ref().to_owned(), place: place.into(), what: what.into() }
     }
 
-    /// A kind of file, or a feature of it, that is not read.
-    pub fn unsupported(path: &Path, what: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.to_path_buf(), what: what.into() }
+    /// [`FormatError::Unsupported`].
+    pub fn unsupported(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.as_ref().to_owned(), what: what.into() }
     }
 }
 
@@ -70,13 +56,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_say_what_and_where() {
-        let path = Path::new("a/b.nrrd");
-        let text = |e: FormatError| e.to_string();
-        assert_eq!(text(FormatError::content(path, "line 3".to_owned(), "no size")), "a/b.nrrd: line 3: no size");
-        assert_eq!(text(FormatError::content(path, None, "no size")), "a/b.nrrd: no size");
-        assert_eq!(text(FormatError::unsupported(path, "deep")), "a/b.nrrd: deep");
-        let io = FormatError::io(path)(io::Error::new(io::ErrorKind::NotFound, "no such file"));
-        assert_eq!(text(io), "a/b.nrrd: no such file");
+    fn messages_say_file_place_and_fault() {
+        let e = FormatError::content("a.nrrd", Some("line 3".into()), "no such type");
+        assert_eq!(e.to_string(), "a.nrrd: line 3: no such type");
+        assert_eq!(FormatError::content("a.nrrd", None, "empty").to_string(), "a.nrrd: empty");
+        assert_eq!(FormatError::unsupported("a.vdb", "points").to_string(), "a.vdb: points");
+        let io = std::io::Error::other("gone");
+        assert_eq!(FormatError::io("x")(io).to_string(), "x: gone");
     }
 }

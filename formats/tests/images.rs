@@ -34,10 +34,10 @@ fn film() -> Film {
 #[test]
 fn decoded_values_are_those_of_the_openexr_library() {
     // Mean, least and largest by OpenEXR 3.4's own decoder; the decoders agree to the last bit, the mean to rounding.
-    let cases: [(&str, (u32, u32), &str, (f64, f32, f32)); 5] = [
-        ("city-negative.exr", (512, 256), "B", (0.788_127_050_407_638_3, -0.076_599_121, 8.335_937_5)),
-        ("sunset.exr", (1024, 512), "R", (0.404_052_853_660_232_36, 1.668_930_05e-6, 6520.0)),
-        ("sunset.exr", (1024, 512), "B", (0.573_105_945_124_893_9, -0.000_338_077_545, 2.476_562_5)),
+    let cases = [
+        ("city-negative.exr", (512, 256), "B", (0.788_127_050_407_638_3_f64, -0.076_599_12_f32, 8.335_937_5_f32)),
+        ("sunset.exr", (1024, 512), "R", (0.404_052_853_660_232_36, 1.668_93e-6, 6520.0)),
+        ("sunset.exr", (1024, 512), "B", (0.573_105_945_124_893_9, -0.000_338_077_55, 2.476_562_5)),
         ("comp_dwab_v2.exr", (587, 675), "G", (7.525_458_354_813_661, -0.002_441_406_3, 427.75)),
         ("lineOrder_decreasing.exr", (237, 119), "R", (4_347.609_883_677_7, -0.010_002_136, 10_000.0)),
     ];
@@ -59,7 +59,8 @@ fn environments_are_clamped_with_a_count() {
     assert_eq!((environment.image().width, environment.image().height), (512, 256));
     assert_eq!(warnings.len(), 1);
     assert!(
-        warnings[0].ends_with("city-negative.exr: 158 of 131072 texels were negative or not finite; they count as 0"),
+        warnings[0]
+            .ends_with("city-negative.exr: 158 of 131072 texels hold negative or non-finite values, which count as 0"),
         "{}",
         warnings[0]
     );
@@ -203,6 +204,23 @@ fn the_picture_is_the_display_window() {
     assert_eq!(exr.channel("Y").unwrap()[15..], [0.0; 5]);
 }
 
+#[test]
+fn subsampled_channels_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sub.exr");
+    let channels = vec![("Y".to_owned(), vec![0.5; 12])];
+    write_exr_channels(&path, Exr { width: 4, height: 3, channels, metadata: vec![] }).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    // In the channel list: the name, its type (float is 2), four bytes, the sampling in x and y.
+    let entry = [b"Y\0".as_slice(), &2u32.to_le_bytes()].concat();
+    let at = bytes.windows(entry.len()).position(|w| w == entry).unwrap() + entry.len() + 4;
+    assert_eq!(bytes[at..at + 4], 1u32.to_le_bytes());
+    bytes[at] = 2;
+    fs::write(&path, &bytes).unwrap();
+    let error = read_image(&path).unwrap_err().to_string();
+    assert!(error.contains("channel Y is subsampled"), "{error}");
+}
+
 /// A repeatable stream of numbers.
 struct Stream(u64);
 
@@ -231,7 +249,7 @@ fn damaged_pictures_are_errors_or_pictures_and_never_more() {
     let files = [fs::read(&ours).unwrap(), fs::read(data("small-b44a.exr")).unwrap(), hdr];
     let mut random = Stream(0x9e37_79b9_7f4a_7c15);
     for (f, whole) in files.iter().enumerate() {
-        for round in 0..600 {
+        for round in 0..300 {
             let mut bytes = whole.clone();
             // Half of the flips in the header, where they matter most.
             let span = if round % 2 == 0 { bytes.len().min(500) } else { bytes.len() };

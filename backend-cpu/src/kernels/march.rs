@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use super::harmonics;
 use super::phase::Phase;
 use super::project::segment;
-use super::sample::{Occupancy, Ray, Texels, sample_rgba};
+use super::sample::{Occupancy, Place, Ray, Texels, sample_rgba};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes};
+use crate::packet::{F, LANES, M, dot, lanes, triple};
 
 const BLOCK: usize = March::BLOCK as usize;
 /// Pixels along each side of a packet.
@@ -134,9 +134,9 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     for s in 0..p.samples as usize {
         let a = (x + inputs.tables[2 * s]) * (2.0 / p.width as f32) - 1.0;
         let b = -((y + inputs.tables[2 * s + 1]) * (2.0 / p.height as f32) - 1.0);
-        let d = [0, 1, 2].map(|c| a * p.right[c] + b * p.up[c] + p.forward[c]);
+        let d = triple!(c => a * p.right[c] + b * p.up[c] + p.forward[c]);
         let length = dot(d, d).sqrt();
-        let d = d.map(|v| v / length);
+        let d = triple!(c => d[c] / length);
         let mut path = Path::new(inputs, d, limit);
         path.walk(inputs);
         for c in 0..3 {
@@ -179,7 +179,7 @@ impl Path {
     fn new(inputs: &Inputs<'_>, d: [F; 3], limit: F) -> Self {
         let p = inputs.p;
         let index = to_index(p, d);
-        let origin = [0, 1, 2].map(|a| F::splat(p.eye[a]));
+        let origin = triple!(a => F::splat(p.eye[a]));
         let mut harmonics = [F::ZERO; harmonics::MAX];
         if p.cells[3] > 1 {
             harmonics::eval(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut harmonics);
@@ -250,23 +250,23 @@ impl Path {
         if inputs.in_scatter.is_empty() {
             return;
         }
-        let place = [0, 1, 2].map(|a| (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
-        let dims = [0, 1, 2].map(|a: usize| p.cells[a] as usize);
+        let place = triple!(a => (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
+        let dims = triple!(a => p.cells[a] as usize);
         let (size, trilinear) = (dims[0] * dims[1] * dims[2], p.trilinear == 1);
         for i in 0..LANES {
             if !dense.lane(i) {
                 continue;
             }
-            let place = place.map(|v| v.0[i]);
+            let place = Place::new(dims, triple!(a => place[a].0[i]), trilinear);
             if p.cells[3] == 1 {
-                let j = sample_rgba(inputs.in_scatter, dims, place, trilinear);
+                let j = sample_rgba(inputs.in_scatter, dims, place);
                 for c in 0..3 {
                     light[c].0[i] += j[c];
                 }
                 continue;
             }
             for (k, layer) in inputs.in_scatter.chunks_exact(size).enumerate() {
-                let j = sample_rgba(layer, dims, place, trilinear);
+                let j = sample_rgba(layer, dims, place);
                 for c in 0..3 {
                     light[c].0[i] += self.harmonics[k].0[i] * j[c];
                 }
@@ -306,7 +306,8 @@ impl Path {
 /// A direction of the world in voxels per metre.
 #[inline(always)]
 fn to_index(p: &MarchParams, d: [F; 3]) -> [F; 3] {
-    [&p.index_x, &p.index_y, &p.index_z].map(|r| d[0] * r[0] + d[1] * r[1] + d[2] * r[2])
+    let rows = [&p.index_x, &p.index_y, &p.index_z];
+    triple!(a => d[0] * rows[a][0] + d[1] * rows[a][1] + d[2] * rows[a][2])
 }
 
 /// Unit direction toward the light, distance to it, and what falloff and cone leave of its power, `t` metres along
@@ -314,17 +315,18 @@ fn to_index(p: &MarchParams, d: [F; 3]) -> [F; 3] {
 #[inline(always)]
 fn incident(p: &MarchParams, light: &LightRecord, d: [F; 3], t: F) -> ([F; 3], F, F) {
     if light.position[3] == 0.0 {
-        let toward = [0, 1, 2].map(|a| F::splat(light.position[a]));
+        let toward = triple!(a => F::splat(light.position[a]));
         return (toward, F::splat(f32::INFINITY), F::ONE);
     }
-    let v = [0, 1, 2].map(|a| F::splat(light.position[a]) - t * d[a]);
+    let v = triple!(a => F::splat(light.position[a]) - t * d[a]);
     let square = dot(v, v);
     let distance = square.sqrt();
-    let toward = v.map(|c| c / distance.max(F::splat(f32::MIN_POSITIVE)));
+    let far = distance.max(F::splat(f32::MIN_POSITIVE));
+    let toward = triple!(a => v[a] / far);
     let mut falloff = F::ONE / square.max(F::splat(p.light_floor));
     if light.cone[2] == 1.0 {
         let [beam, cutoff, ..] = light.cone;
-        let axis = [0, 1, 2].map(|a| F::splat(-light.axis[a]));
+        let axis = triple!(a => F::splat(-light.axis[a]));
         // A cone without a rim is a step at the cutoff.
         let rim = (cutoff - beam).max(1e-6);
         falloff = falloff * dot(axis, toward).each(|c| ((cutoff - c.clamp(-1.0, 1.0).acos()) / rim).clamp(0.0, 1.0));
@@ -336,7 +338,7 @@ fn incident(p: &MarchParams, light: &LightRecord, d: [F; 3], t: F) -> ([F; 3], F
 #[inline(always)]
 fn environment(inputs: &Inputs<'_>, d: [F; 3], c: usize) -> F {
     let p = inputs.p;
-    F(lanes!(i => sky(p, inputs.environment, d.map(|v| v.0[i]), c)))
+    F(lanes!(i => sky(p, inputs.environment, triple!(a => d[a].0[i]), c)))
 }
 
 fn sky(p: &MarchParams, texels: &[[f32; 4]], d: [f32; 3], c: usize) -> f32 {

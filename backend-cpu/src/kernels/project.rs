@@ -11,7 +11,7 @@ use super::sample::{Ray, Texels};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes};
+use crate::packet::{F, LANES, M, dot, lanes, triple};
 
 /// Cells that one task takes: enough to fill packets between empty ones.
 const CHUNK: usize = 16 * LANES;
@@ -100,32 +100,32 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
 fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
     let p = inputs.p;
     let [nx, ny, _, _] = p.cells.map(|n| n as usize);
-    let place = |at: [usize; LANES], side: f32| F(lanes!(i => at[i] as f32)) * side + (0.5 * side - 0.5);
-    let x = place(cells.map(|c| c % nx), p.cell[0]);
-    let y = place(cells.map(|c| c / nx % ny), p.cell[1]);
-    let z = place(cells.map(|c| c / nx / ny), p.cell[2]);
-    let origin = [x, y, z];
+    let x = F(lanes!(i => (cells[i] % nx) as f32));
+    let y = F(lanes!(i => (cells[i] / nx % ny) as f32));
+    let z = F(lanes!(i => (cells[i] / nx / ny) as f32));
+    let origin = triple!(a => [x, y, z][a] * p.cell[a] + (0.5 * p.cell[a] - 0.5));
     let view = view_direction(p, origin);
     sums.fill(F::ZERO);
     let coefficients = p.coefficients as usize;
     let (channels, weight_channels) = (p.channels as usize, p.weight_channels as usize);
     let stride = coefficients * p.record_channels() as usize;
     for (n, direction) in inputs.directions.iter().enumerate() {
-        let world = [0, 1, 2].map(|a| F::splat(direction[a]));
+        let world = triple!(a => F::splat(direction[a]));
         let rows = [&p.index_x, &p.index_y, &p.index_z];
-        let index = rows.map(|r| F::splat(r[0] * direction[0] + r[1] * direction[1] + r[2] * direction[2]));
+        let along = |r: &[f32; 4]| r[0] * direction[0] + r[1] * direction[1] + r[2] * direction[2];
+        let index = triple!(a => F::splat(along(rows[a])));
         let ray = Ray::through(origin, index, inputs.density.size(), F::splat(f32::INFINITY), p.cell[3]);
         let mut glow = [F::ZERO; 3];
         let mut transmittance = if p.emission_coefficients > 0 {
             emission_along(inputs, &ray, &mut glow)
         } else {
             let column = ray.column(inputs.density, None, M([u32::MAX; LANES]));
-            [0, 1, 2].map(|c| if c < channels { (column * -p.extinction[c]).exp_negative() } else { F::ZERO })
+            triple!(c => if c < channels { (column * -p.extinction[c]).exp_negative() } else { F::ZERO })
         };
         if p.toward_eye == 1 {
             let phase = inputs.phase.eval(dot(world, view));
-            transmittance = transmittance.map(|t| t * phase);
-            glow = glow.map(|g| g * phase);
+            transmittance = triple!(c => transmittance[c] * phase);
+            glow = triple!(c => glow[c] * phase);
         }
         let weights = &inputs.weights[n * coefficients * weight_channels..][..coefficients * weight_channels];
         if channels == 1 {
@@ -154,11 +154,12 @@ fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
 /// Unit direction in the world from the eye to each point of index space.
 #[inline(always)]
 fn view_direction(p: &ProjectParams, at: [F; 3]) -> [F; 3] {
-    let v = [0, 1, 2].map(|a| at[a] - p.eye[a]);
-    let w = [&p.world_x, &p.world_y, &p.world_z].map(|r| v[0] * r[0] + v[1] * r[1] + v[2] * r[2]);
+    let v = triple!(a => at[a] - p.eye[a]);
+    let rows = [&p.world_x, &p.world_y, &p.world_z];
+    let w = triple!(a => v[0] * rows[a][0] + v[1] * rows[a][1] + v[2] * rows[a][2]);
     // A cell at the eye has no direction; any will do.
     let length = dot(w, w).sqrt().max(F::splat(f32::MIN_POSITIVE));
-    w.map(|c| c / length)
+    triple!(a => w[a] / length)
 }
 
 /// Radiance that the medium sends along the ray to its origin, and the ray's transmittance.

@@ -1,6 +1,6 @@
 //! Lookups of fields, and rays through their box.
 
-use crate::packet::{F, I, LANES, M, lanes, lerp};
+use crate::packet::{F, I, LANES, M, lanes, lerp, triple};
 
 /// One layer of texels that packets look up: the only place that reads memory without a check.
 #[derive(Clone, Copy)]
@@ -60,14 +60,20 @@ impl<'a> Texels<'a> {
         F(lanes!(i => unsafe { *self.data.get_unchecked(offset.0[i] as usize) }))
     }
 
+    /// Interpolates along x between the texels at `at` and `dx` further.
+    #[inline(always)]
+    fn row(&self, at: I, dx: I, f: F) -> F {
+        lerp(self.gather(at), self.gather(at.plus(dx)), f)
+    }
+
     /// Trilinear lookup at `p` in index space, x then y then z.
     #[inline(always)]
     pub(crate) fn sample(&self, p: [F; 3]) -> F {
         let Corners { base, step: [dx, dy, dz], f } = self.corners(p);
-        let add = |a: I, b: I| I(lanes!(i => a.0[i] + b.0[i]));
-        let row = |at: I| lerp(self.gather(at), self.gather(add(at, dx)), f[0]);
-        let slice = |at: I| lerp(row(at), row(add(at, dy)), f[1]);
-        lerp(slice(base), slice(add(base, dz)), f[2])
+        let near = lerp(self.row(base, dx, f[0]), self.row(base.plus(dy), dx, f[0]), f[1]);
+        let base = base.plus(dz);
+        let far = lerp(self.row(base, dx, f[0]), self.row(base.plus(dy), dx, f[0]), f[1]);
+        lerp(near, far, f[2])
     }
 
     /// Trilinear lookup of a single point.
@@ -147,7 +153,7 @@ impl Ray {
         let mut direction = direction;
         for a in 0..3 {
             // A ray along a wall: far enough from parallel that the quotients below are numbers.
-            direction[a] = direction[a].each(|d| if d.abs() < 1e-20 { 1e-20 } else { d });
+            direction[a] = direction[a].away_from_zero();
             let lower = (F::splat(-0.5) - origin[a]) / direction[a];
             let upper = (F::splat(size[a] - 0.5) - origin[a]) / direction[a];
             near = near.max(lower.min(upper));
@@ -162,7 +168,7 @@ impl Ray {
     /// The point `t` metres along.
     #[inline(always)]
     pub(crate) fn at(&self, t: F) -> [F; 3] {
-        [0, 1, 2].map(|a| self.origin[a] + t * self.direction[a])
+        triple!(a => self.origin[a] + t * self.direction[a])
     }
 
     /// The middle of step `k`, in metres along.
@@ -192,30 +198,56 @@ impl Ray {
     }
 }
 
-/// Texel (x, y, z) of one layer of an RGBA field.
-#[inline(always)]
-fn rgba(layer: &[[f32; 4]], dims: [usize; 3], at: [usize; 3]) -> [f32; 4] {
-    layer[(at[2] * dims[1] + at[1]) * dims[0] + at[0]]
-}
-
+/// a + (b - a) f of texels.
 #[inline(always)]
 fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
-    [0, 1, 2, 3].map(|c| a[c] + (b[c] - a[c]) * f)
+    [a[0] + (b[0] - a[0]) * f, a[1] + (b[1] - a[1]) * f, a[2] + (b[2] - a[2]) * f, a[3] + (b[3] - a[3]) * f]
 }
 
-/// Trilinear lookup of one layer of an RGBA field at `p`, where texel i lies at i; or the nearest texel.
+/// Interpolates along x between two texels of the row that starts at `row`.
 #[inline(always)]
-pub(crate) fn sample_rgba(layer: &[[f32; 4]], dims: [usize; 3], p: [f32; 3], trilinear: bool) -> [f32; 4] {
-    let last = dims.map(|d| (d - 1) as f32);
-    if !trilinear {
-        let at = [0, 1, 2].map(|a| (p[a] + 0.5).floor().max(0.0).min(last[a]) as usize);
-        return rgba(layer, dims, at);
+fn mix_row(layer: &[[f32; 4]], row: usize, x: [usize; 2], f: f32) -> [f32; 4] {
+    mix(layer[row + x[0]], layer[row + x[1]], f)
+}
+
+/// Where a lookup falls in a field over the record cells: the two texels along each axis, and the place between them.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    lo: [usize; 3],
+    hi: [usize; 3],
+    f: [f32; 3],
+}
+
+impl Place {
+    /// Of the point `p`, where texel i lies at i; both texels are the nearest one unless `trilinear`.
+    #[inline(always)]
+    pub(crate) fn new(dims: [usize; 3], p: [f32; 3], trilinear: bool) -> Self {
+        let mut place = Self { lo: [0; 3], hi: [0; 3], f: [0.0; 3] };
+        for a in 0..3 {
+            let last = (dims[a] - 1) as f32;
+            // Nearest: half a texel on and rounded down.
+            let q = if trilinear { p[a] } else { p[a] + 0.5 };
+            let q = q.max(0.0).min(last);
+            place.lo[a] = q as usize;
+            if trilinear {
+                place.f[a] = q - place.lo[a] as f32;
+                place.hi[a] = (place.lo[a] + 1).min(dims[a] - 1);
+            } else {
+                place.hi[a] = place.lo[a];
+            }
+        }
+        place
     }
-    let q = [0, 1, 2].map(|a: usize| p[a].max(0.0).min(last[a]));
-    let lo = q.map(|v| v as usize);
-    let f = [0, 1, 2].map(|a| q[a] - lo[a] as f32);
-    let hi = [0, 1, 2].map(|a| (lo[a] + 1).min(dims[a] - 1));
-    let row = |y: usize, z: usize| mix(rgba(layer, dims, [lo[0], y, z]), rgba(layer, dims, [hi[0], y, z]), f[0]);
-    let slice = |z: usize| mix(row(lo[1], z), row(hi[1], z), f[1]);
-    mix(slice(lo[2]), slice(hi[2]), f[2])
+}
+
+/// Trilinear lookup of one layer of an RGBA field, x then y then z.
+#[inline(always)]
+pub(crate) fn sample_rgba(layer: &[[f32; 4]], dims: [usize; 3], place: Place) -> [f32; 4] {
+    let Place { lo, hi, f } = place;
+    let x = [lo[0], hi[0]];
+    let row = [lo[1] * dims[0], hi[1] * dims[0]];
+    let slice = [lo[2] * dims[1] * dims[0], hi[2] * dims[1] * dims[0]];
+    let near = mix(mix_row(layer, slice[0] + row[0], x, f[0]), mix_row(layer, slice[0] + row[1], x, f[0]), f[1]);
+    let far = mix(mix_row(layer, slice[1] + row[0], x, f[0]), mix_row(layer, slice[1] + row[1], x, f[0]), f[1]);
+    mix(near, far, f[2])
 }

@@ -116,6 +116,11 @@ impl Grid {
         self.index_to_world
     }
 
+    /// The same values, placed in the world by another map.
+    pub fn placed_by(self, index_to_world: DAffine3) -> Self {
+        Self { index_to_world, ..self }
+    }
+
     /// The values as they are held.
     pub fn storage(&self) -> &Storage {
         &self.storage
@@ -183,6 +188,9 @@ impl Grid {
                     return;
                 }
                 let xs = clip(min.x, d.x, window.min.x, w);
+                if xs.is_empty() {
+                    return;
+                }
                 for y in clip(min.y, d.y, window.min.y, h) {
                     let j = (window.min.y - min.y) as i64 + y as i64;
                     let i = (window.min.x - min.x) as i64 + xs.start as i64;
@@ -201,6 +209,9 @@ impl Grid {
                 }
                 for b in bricks.iter().filter(|b| covers(b.origin.z, BRICK.into())) {
                     let xs = clip(b.origin.x, BRICK.into(), window.min.x, w);
+                    if xs.is_empty() {
+                        continue;
+                    }
                     for y in clip(b.origin.y, BRICK.into(), window.min.y, h) {
                         let j = window.min.y + y as i32 - b.origin.y;
                         let i = window.min.x + xs.start as i32 - b.origin.x;
@@ -337,6 +348,9 @@ mod tests {
         assert_eq!(out, [0.0, 0.0, 0.0, 7.0, 8.0, 0.0, 10.0, 11.0, 0.0]);
         grid.write_slice(window, 2, &mut out);
         assert_eq!(out, [0.0; 9]);
+        let beside = IndexBox { min: IVec3::new(40, 5, 0), ..window };
+        grid.write_slice(beside, 1, &mut out);
+        assert_eq!(out, [0.0; 9]);
     }
 
     #[test]
@@ -355,6 +369,9 @@ mod tests {
         assert_eq!(out, [0.0, 0.0, 0.5, 0.0, 3.0, 0.5, 0.5, 0.5, 0.5]);
         grid.write_slice(bounds, 0, &mut out);
         assert_eq!(out, [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 2.0]);
+        let beside = IndexBox { min: IVec3::new(1, -2, -2), ..bounds };
+        grid.write_slice(beside, -1, &mut out);
+        assert_eq!(out, [0.5; 9]);
     }
 
     #[test]

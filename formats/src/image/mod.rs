@@ -101,7 +101,8 @@ pub fn load_environment(path: &Path) -> Result<(Environment, Vec<String>), Forma
     let clamped = clamp_texels(&mut image.texels);
     if clamped > 0 {
         let (path, all) = (path.display(), image.texels.len());
-        warnings.push(format!("{path}: {clamped} of {all} texels were negative or not finite; they count as 0"));
+        warnings
+            .push(format!("{path}: {clamped} of {all} texels hold negative or non-finite values, which count as 0"));
     }
     let (width, height) = (image.width, image.height);
     if u64::from(width) != 2 * u64::from(height) && image.texels.len() > 1 {

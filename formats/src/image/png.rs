@@ -4,6 +4,8 @@ use std::io::Write;
 use std::path::Path;
 
 use airlight_core::scene::Film;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder, ImageError};
 
 use super::{ToneMap, check_film};
 use crate::FormatError;
@@ -34,17 +36,15 @@ pub fn write_png_rgb8(path: &Path, width: u32, height: u32, pixels: &[u8]) -> Re
 }
 
 fn encode(path: &Path, width: u32, height: u32, pixels: &[u8], file: impl Write) -> Result<(), FormatError> {
-    let wrong = |error: png::EncodingError| match error {
-        png::EncodingError::IoError(source) => FormatError::io(path)(source),
+    let size = u64::from(width) * u64::from(height) * 3;
+    if pixels.len() as u64 != size {
+        let what = format!("{} bytes are not the {size} of {width} × {height} pixels", pixels.len());
+        return Err(FormatError::content(path, None, what));
+    }
+    PngEncoder::new(file).write_image(pixels, width, height, ExtendedColorType::Rgb8).map_err(|error| match error {
+        ImageError::IoError(source) => FormatError::io(path)(source),
         other => FormatError::content(path, None, format!("cannot be written: {other}")),
-    };
-    let mut encoder = png::Encoder::new(file, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    let mut writer = encoder.write_header().map_err(wrong)?;
-    writer.write_image_data(pixels).map_err(wrong)?;
-    writer.finish().map_err(wrong)
+    })
 }
 
 #[cfg(test)]
@@ -75,6 +75,6 @@ mod tests {
             let error = encode(path, 30, 20, &pixels, Full(room)).unwrap_err();
             assert!(matches!(error, FormatError::Io { .. }), "{room}: {error}");
         }
-        assert!(encode(path, 30, 21, &pixels, &mut whole).unwrap_err().to_string().starts_with("out.png: cannot be"));
+        assert!(encode(path, 30, 21, &pixels, &mut whole).unwrap_err().to_string().contains("1800 bytes"));
     }
 }

@@ -1,0 +1,199 @@
+//! `[estimate]` and `[quality]`.
+
+use airlight_core::scene::{
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Quality, Records,
+    Shadow,
+};
+
+use super::error::Fault;
+use super::pending::{self, Shape};
+use super::table::{Field, Table};
+
+const NONE: (&str, &[&str]) = ("none", &[]);
+const RECORDS: (&str, &[&str]) = (
+    "records",
+    &[
+        "cells",
+        "bands",
+        "basis",
+        "directions",
+        "content",
+        "interpolation",
+        "elimination",
+        "solver",
+        "extract_sun",
+        "window",
+    ],
+);
+const OPACITY: (&str, &[&str]) = ("opacity", &["cells", "scheme"]);
+const DIRECT: (&str, &[&str]) = ("direct", &["shadow", "surface_shadow"]);
+const SWEEPS: (&str, &[&str]) = ("sweeps", &["cells", "bands", "directions", "orders", "tolerance"]);
+const TRANSFER: (&str, &[&str]) = (
+    "transfer",
+    &["file", "cells", "basis", "functions", "bands", "photons", "deposit", "solver", "clusters", "components"],
+);
+const PATH: (&str, &[&str]) = ("path", &["samples", "max_depth", "time_limit", "noise"]);
+
+/// Without `[estimate]`, and for a key that it leaves out: the defaults. `"none"` leaves that light out.
+pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
+    let mut estimate = Estimate::default();
+    let Some(field) = root.get("estimate") else { return Ok(estimate) };
+    let table = field.table(&["environment", "lights", "scattering", "all"])?;
+    if let Some(all) = table.wanted("all") {
+        for key in ["environment", "lights", "scattering"] {
+            if let Some(field) = table.wanted(key) {
+                return Err(field.error(format!(
+                    "estimate.all brings all light; estimate.{key} would bring a part of it twice; give one of them"
+                )));
+            }
+        }
+        let (kind, options) = all.kinds(None, &[PATH, TRANSFER])?;
+        return Err(unbuilt(&all, kind, &options, "leave estimate.all out; environment and lights have estimators")?);
+    }
+    if let Some(field) = table.get("environment") {
+        estimate.environment = environment(&field)?;
+    }
+    if let Some(field) = table.get("lights") {
+        estimate.lights = lights(&field)?;
+    }
+    if let Some(field) = table.wanted("scattering") {
+        let (kind, options) = field.kinds(Some("sweeps"), &[SWEEPS, NONE])?;
+        if kind != "none" {
+            return Err(unbuilt(&field, kind, &options, "leave it out for single scattering")?);
+        }
+    }
+    Ok(estimate)
+}
+
+/// The error for an estimator that is not built; its options are checked first.
+fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
+    let positive = Shape::POSITIVE;
+    let shapes: &[(&str, Shape)] = match kind {
+        "opacity" => &[
+            ("cells", Shape::Whole(1, 4096)),
+            ("scheme", Shape::OneOf(&["short-characteristics", "metric", "published"])),
+        ],
+        "sweeps" => &[
+            ("cells", Shape::Whole(1, 4096)),
+            ("bands", Shape::Whole(1, Records::MAX_BANDS)),
+            ("directions", Shape::Whole(12, 12 * Records::MAX_NSIDE * Records::MAX_NSIDE)),
+            ("orders", Shape::WholeOr(1, 100_000, "converged")),
+            ("tolerance", positive),
+        ],
+        "transfer" => &[
+            ("file", Shape::Text),
+            ("cells", Shape::Whole(1, 4096)),
+            ("basis", Shape::OneOf(&["dsf", "sh", "srbf"])),
+            ("functions", Shape::Whole(1, 1_000_000)),
+            ("bands", Shape::Whole(1, Records::MAX_BANDS)),
+            ("photons", Shape::Whole(1, u32::MAX)),
+            ("deposit", Shape::OneOf(&["track", "collision", "absorption"])),
+            ("solver", Shape::OneOf(&["photons", "ordinates"])),
+            ("clusters", Shape::Whole(1, 1_000_000)),
+            ("components", Shape::Whole(1, 1000)),
+        ],
+        _ => &[
+            ("samples", Shape::Whole(1, u32::MAX)),
+            ("max_depth", Shape::Whole(1, u32::MAX)),
+            ("time_limit", positive),
+            ("noise", positive),
+        ],
+    };
+    pending::check(options, shapes)?;
+    Ok(match options.get("kind") {
+        Some(kind) => kind.pending(instead),
+        None => field.pending(instead),
+    })
+}
+
+fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> {
+    if field.is_none() {
+        return Ok(None);
+    }
+    let (kind, table) = field.kinds(Some("records"), &[RECORDS, NONE])?;
+    if kind == "none" {
+        return Ok(None);
+    }
+    let default = Records::default();
+    table.or("solver", (), |f| f.choice(&[("march", Some(())), ("sweep", None)]))?;
+    table.or("window", (), |f| f.choice(&[("none", Some(())), ("hanning", None), ("lanczos", None)]))?;
+    table.or("basis", (), |f| f.choice(&[("sh", Some(())), ("dsf", None), ("srbf", None)]))?;
+    if let Some(field) = table.wanted("extract_sun") {
+        if field.text().is_ok_and(|t| t != "auto") || (field.text().is_err() && field.flag().is_err()) {
+            return Err(field.wrong("it must be \"auto\", true or false"));
+        }
+        return Err(field.pending("available: false, the default until then"));
+    }
+    let contents = [
+        ("radiance", Some(Content::Radiance)),
+        ("transmittance", Some(Content::Transmittance)),
+        ("phase", Some(Content::Phase)),
+    ];
+    let interpolations = [("trilinear", Some(Interpolation::Trilinear)), ("nearest", Some(Interpolation::Nearest))];
+    Ok(Some(EnvironmentEstimate::Records(Records {
+        cells: table.or("cells", default.cells, |f| f.whole(1..=Records::MAX_CELLS))?,
+        bands: table.or("bands", default.bands, |f| f.whole(1..=Records::MAX_BANDS))?,
+        directions: table.or("directions", default.directions, |f| f.whole(12..=12 * Records::MAX_NSIDE.pow(2)))?,
+        content: table.or("content", default.content, |f| f.choice(&contents))?,
+        interpolation: table.or("interpolation", default.interpolation, |f| f.choice(&interpolations))?,
+        elimination: table.or("elimination", default.elimination, |f| elimination(&f))?,
+    })))
+}
+
+fn elimination(field: &Field<'_>) -> Result<Elimination, Fault> {
+    if field.is_none() {
+        return Ok(Elimination::None);
+    }
+    let (kind, table) = field.kinds(None, &[("exact", &[]), ("probes", &["n"]), NONE])?;
+    Ok(match kind {
+        "exact" => Elimination::Exact,
+        "probes" => Elimination::Probes(table.or("n", 3, |f| f.whole(1..=Records::MAX_PROBES))?),
+        _ => Elimination::None,
+    })
+}
+
+fn lights(field: &Field<'_>) -> Result<Option<LightsEstimate>, Fault> {
+    if field.is_none() {
+        return Ok(None);
+    }
+    let (kind, table) = field.kinds(Some("direct"), &[OPACITY, DIRECT, NONE])?;
+    match kind {
+        "none" => Ok(None),
+        "direct" => {
+            let shadows = [("march", Some(Shadow::March)), ("propagated", None), ("none", Some(Shadow::None))];
+            let shadow = table.or("shadow", Shadow::default(), |f| f.choice(&shadows))?;
+            if let Some(field) = table.wanted("surface_shadow") {
+                field.choice(&[("none", Some(())), ("map", None), ("ray", None)])?;
+            }
+            Ok(Some(LightsEstimate::Direct(Direct { shadow })))
+        }
+        _ => Err(unbuilt(field, kind, &table, "available: \"direct\"")?),
+    }
+}
+
+pub(super) fn quality(root: &Table<'_>) -> Result<Quality, Fault> {
+    let mut quality = Quality::default();
+    let Some(field) = root.get("quality") else { return Ok(quality) };
+    let table = field.table(&["step", "steps", "jitter", "scale", "temporal"])?;
+    table.exclusive("step", "steps")?;
+    // The least that `Scene::validate` takes.
+    quality.step = table.or("step", quality.step, |f| f.number_where("at least 0.001 voxels", |v| v >= 1e-3))?;
+    pending::check(&table, &[("steps", Shape::Whole(1, 1_000_000))])?;
+    table.not_built("steps", "give step, the length of a step in voxels")?;
+    table.or(
+        "jitter",
+        (),
+        |f| {
+            if f.is_none() { Ok(()) } else { f.choice(&[("none", Some(())), ("blue-noise", None)]) }
+        },
+    )?;
+    table.or("scale", (), |f| match f.whole(1..=4)? {
+        1 => Ok(()),
+        2 | 4 => Err(f.pending("available: 1")),
+        _ => Err(f.wrong("it must be 1, 2 or 4")),
+    })?;
+    if table.or("temporal", false, |f| f.flag())? {
+        return Err(table.get("temporal").map_or_else(|| table.fault(""), |f| f.pending("available: false")));
+    }
+    Ok(quality)
+}

@@ -1,0 +1,218 @@
+//! `[medium]`: first what the scene says, then the volumes it names.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use airlight_core::media::{Grid, GridMedium, Homogeneous, Lattice, Medium, MediumError, Optics, Phase, PhaseTable};
+use glam::{DAffine3, DVec3, Vec3};
+
+use super::error::Fault;
+use super::pending::{self, Shape};
+use super::table::{Field, Table};
+use crate::FormatError;
+use crate::volume::Volume;
+
+/// Reads one grid of a volume file: [`crate::volume::read`], or what a test puts in its place.
+pub(super) type ReadVolume<'a> = &'a dyn Fn(&Path, Option<&str>) -> Result<Volume, FormatError>;
+
+const OPTICS: &[&str] = &["extinction", "albedo", "anisotropy", "phase", "emission"];
+const GRID: &[&str] = &[
+    "file",
+    "grid",
+    "bounds",
+    "albedo_grid",
+    "absorption_grid",
+    "emission_grid",
+    "temperature_grid",
+    "transfer_function",
+];
+const HOMOGENEOUS: &[&str] = &["density", "bounds"];
+const GAUSSIANS: &[&str] = &["file", "blobs", "bounds", "cells"];
+const HEIGHT_FOG: &[&str] = &["density", "falloff", "base", "bounds", "cells"];
+const NOISE: &[&str] = &["density", "scale", "octaves", "seed", "bounds", "cells"];
+
+const PHASES: &[(&str, &[&str])] = &[
+    ("isotropic", &[]),
+    ("henyey-greenstein", &["g"]),
+    ("rayleigh", &[]),
+    ("double-hg", &["forward", "backward", "weight"]),
+    ("table", &["angles", "values"]),
+];
+
+/// Where the density comes from.
+enum Source<'a> {
+    Homogeneous { density: f32, bounds: Field<'a> },
+    Grid { file: Field<'a>, name: Option<&'a str>, bounds: Option<(DVec3, DVec3)>, emission: Option<Field<'a>> },
+}
+
+/// A medium as the scene describes it, before any volume is read.
+pub(super) struct Plan<'a> {
+    pub(super) optics: Optics,
+    source: Source<'a>,
+}
+
+pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
+    let medium = root.require("medium", "[medium] with kind = \"grid\" and file = \"cloud.vdb\"")?;
+    let keys = |own: &[&'static str]| [OPTICS, own].concat();
+    let (grid, homogeneous, gaussians) = (keys(GRID), keys(HOMOGENEOUS), keys(GAUSSIANS));
+    let (height_fog, noise) = (keys(HEIGHT_FOG), keys(NOISE));
+    let (kind, table) = medium.kinds(
+        None,
+        &[
+            ("grid", &grid),
+            ("gaussians", &gaussians),
+            ("homogeneous", &homogeneous),
+            ("height-fog", &height_fog),
+            ("noise", &noise),
+        ],
+    )?;
+    let optics = optics(&table)?;
+    let source = match kind {
+        "homogeneous" => {
+            let bounds = table.require("bounds", "bounds = [[0, 0, 0], [1, 1, 1]]")?;
+            bounds.bounds()?;
+            let density = table.or("density", 1.0, |f| f.number_where("at least 0", |v| v >= 0.0))?;
+            Source::Homogeneous { density: density as f32, bounds }
+        }
+        "grid" => grid_source(&table)?,
+        other => {
+            let not_negative = Shape::Number("at least 0", |v| v >= 0.0);
+            let shapes: &[(&str, Shape)] = match other {
+                "gaussians" => &[("file", Shape::Text), ("blobs", Shape::Blobs)],
+                "height-fog" => &[("density", not_negative), ("falloff", not_negative), ("base", Shape::FINITE)],
+                _ => &[
+                    ("density", not_negative),
+                    ("scale", Shape::POSITIVE),
+                    ("octaves", Shape::Whole(1, 32)),
+                    ("seed", Shape::Whole(0, u32::MAX)),
+                ],
+            };
+            pending::check(&table, shapes)?;
+            pending::check(&table, &[("bounds", Shape::Bounds), ("cells", Shape::Whole(1, 4096))])?;
+            table.exclusive("file", "blobs")?;
+            let kind = table.get("kind").unwrap_or(medium);
+            return Err(kind.pending("available: \"grid\" and \"homogeneous\""));
+        }
+    };
+    Ok(Plan { optics, source })
+}
+
+fn grid_source<'a>(table: &Table<'a>) -> Result<Source<'a>, Fault> {
+    let file = table.require("file", "file = \"cloud.vdb\"")?;
+    if file.text()?.contains('#') {
+        return Err(file.pending("give the name of one file instead of a sequence"));
+    }
+    table.exclusive("albedo", "albedo_grid")?;
+    for key in ["albedo_grid", "absorption_grid"] {
+        table.not_built(key, "give albedo as a number or [r, g, b] for the whole medium")?;
+    }
+    table
+        .not_built("temperature_grid", "give emission as a number or [r, g, b], with emission_grid where it varies")?;
+    table.not_built("transfer_function", "densities are taken as the file has them")?;
+    let emission = table.wanted("emission_grid");
+    if let Some(name) = &emission {
+        name.text()?;
+        table
+            .get("emission")
+            .ok_or_else(|| name.from("says where the medium shines; give emission, as in emission = 1"))?;
+    }
+    let name = table.get("grid").map(|f| f.text()).transpose()?;
+    Ok(Source::Grid { file, name, bounds: table.get("bounds").map(|f| f.bounds()).transpose()?, emission })
+}
+
+fn optics(table: &Table<'_>) -> Result<Optics, Fault> {
+    table.exclusive("anisotropy", "phase")?;
+    let g = |f: Field<'_>| f.number_where("above -1 and below 1", |g| g.abs() < 1.0);
+    let phase = match (table.get("anisotropy"), table.get("phase")) {
+        (Some(field), _) => match g(field)? {
+            0.0 => Phase::Isotropic,
+            g => Phase::HenyeyGreenstein { g },
+        },
+        (None, Some(field)) => phase(&field)?,
+        (None, None) => Phase::Isotropic,
+    };
+    Ok(Optics {
+        extinction: table.or("extinction", Vec3::ONE, |f| f.color(f32::MAX))?,
+        albedo: table.or("albedo", Vec3::ONE, |f| f.color(1.0))?,
+        emission: table.or("emission", Vec3::ZERO, |f| f.color(f32::MAX))?,
+        phase,
+    })
+}
+
+fn phase(field: &Field<'_>) -> Result<Phase, Fault> {
+    let (kind, table) = field.kinds(None, PHASES)?;
+    let g = |key, example| table.require(key, example)?.number_where("above -1 and below 1", |g| g.abs() < 1.0);
+    Ok(match kind {
+        "isotropic" => Phase::Isotropic,
+        "rayleigh" => Phase::Rayleigh,
+        "henyey-greenstein" => Phase::HenyeyGreenstein { g: g("g", "g = 0.5")? },
+        "double-hg" => Phase::DoubleHenyeyGreenstein {
+            forward: g("forward", "forward = 0.8")?,
+            backward: g("backward", "backward = -0.3")?,
+            weight: table
+                .require("weight", "weight = 0.9")?
+                .number_where("from 0 to 1", |w| (0.0..=1.0).contains(&w))?,
+        },
+        _ => {
+            let numbers = |key, example| -> Result<Vec<f64>, Fault> {
+                table.require(key, example)?.list()?.iter().map(Field::number).collect()
+            };
+            let angles = numbers("angles", "angles = [0, 90, 180]")?;
+            let values = numbers("values", "values = [2, 0.5, 1]")?;
+            Phase::Table(Arc::new(PhaseTable::new(&angles, &values).map_err(|e| field.from(e))?))
+        }
+    })
+}
+
+impl Plan<'_> {
+    /// Reads the volumes. Adds the files that were read to `files`.
+    pub(super) fn load(
+        &self,
+        folder: &Path,
+        read: ReadVolume<'_>,
+        files: &mut Vec<PathBuf>,
+    ) -> Result<Arc<dyn Medium>, Fault> {
+        match &self.source {
+            Source::Homogeneous { density, bounds } => {
+                let (min, max) = bounds.bounds()?;
+                Ok(Arc::new(Homogeneous::new(*density, min, max).map_err(|e| bounds.from(e))?))
+            }
+            Source::Grid { file, name, bounds, emission } => {
+                let path = folder.join(file.text()?);
+                let mut density = read(&path, *name).map_err(|e| file.from(e))?;
+                files.push(path.clone());
+                let mut shining = match emission {
+                    Some(field) => Some(read(&path, Some(field.text()?)).map_err(|e| field.from(e))?),
+                    None => None,
+                };
+                let about = |e: MediumError| file.from(format!("{}: {e}", path.display()));
+                match bounds {
+                    Some(bounds) => {
+                        let map = refit(&density.grid, shining.as_ref().map(|v| &v.grid), *bounds).map_err(about)?;
+                        let place = |v: Volume| {
+                            let to_world = map * v.grid.index_to_world();
+                            Volume { grid: v.grid.placed_by(to_world), ..v }
+                        };
+                        (density, shining) = (place(density), shining.map(place));
+                    }
+                    None if !density.placed => {
+                        let what = "does not say where its box lies; give bounds = [[x, y, z], [x, y, z]] in metres";
+                        return Err(file.from(format!("{} {what}", path.display())));
+                    }
+                    None => {}
+                }
+                let emission = shining.map(|v| Arc::new(v.grid));
+                Ok(Arc::new(GridMedium::new(Arc::new(density.grid), emission).map_err(about)?))
+            }
+        }
+    }
+}
+
+/// The map of the world that takes the (axis-aligned) box of the grids onto `bounds`.
+fn refit(density: &Grid, emission: Option<&Grid>, (min, max): (DVec3, DVec3)) -> Result<DAffine3, MediumError> {
+    let window = emission.map_or(density.bounds(), |e| density.bounds().union(e.bounds()));
+    let first = DAffine3::from_translation(window.min.as_dvec3());
+    let (low, high) = Lattice::new(window.dims, density.index_to_world() * first)?.world_bounds();
+    let scale = DAffine3::from_scale((max - min) / (high - low));
+    Ok(DAffine3::from_translation(min) * scale * DAffine3::from_translation(-low))
+}

@@ -1,0 +1,245 @@
+//! What is wrong is told with its line and what would be right.
+
+use super::*;
+
+#[test]
+fn lights_are_told_what_they_lack() {
+    assert_eq!(told("[light]\nkind = \"point\""), "7:1: light is a list of tables: write [[light]]");
+    assert_eq!(
+        told("[[light]]\n[[light]]"),
+        "7:1: light[0].kind is missing; it must be \"directional\", \"point\" or \"spot\""
+    );
+    assert_eq!(
+        told("[[light]]\nkind = \"sun\""),
+        "8:8: light[0].kind = \"sun\"; it must be \"directional\", \"point\" or \"spot\""
+    );
+    let point = "[[light]]\nkind = \"point\"\nposition = [0, 1, 0]\n";
+    assert_eq!(told(point), "7:1: light[0].intensity is missing, as in intensity = 10");
+    assert_eq!(
+        told(&format!("{point}intensity = [1, 2]")),
+        "10:13: light[0].intensity must be a number or [r, g, b]; it is a list of 2"
+    );
+    assert_eq!(told(&format!("{point}intensity = nan")), "10:13: light[0].intensity = nan; it must be finite");
+    assert_eq!(
+        told(&format!("{point}intensity = 1e300")),
+        "10:13: light[0].intensity = 1e300; it must be at most 3.4e38"
+    );
+    assert_eq!(
+        told("[[light]]\nkind = \"directional\"\nirradiance = 1\nto_light = [0, 0, 0]"),
+        "10:12: light[0].to_light: direction [0, 0, 0] has no length or is not finite"
+    );
+    let spot = "[[light]]\nkind = \"spot\"\nposition = [0, 1, 0]\ntarget = [0, 0, 0]\nintensity = 1\ncutoff = 20\n";
+    assert_eq!(
+        told(&format!("{spot}beam = 30")),
+        "13:8: light[0].beam: spot angles: beam 30° and cutoff 20°; they must satisfy 0 ≤ beam ≤ cutoff ≤ 180, cutoff above 0"
+    );
+}
+
+#[test]
+fn keys_and_types_are_strict() {
+    assert_eq!(told("extintion = 2"), "7:1: unknown key `extintion` in medium; did you mean `extinction`?");
+    assert_eq!(
+        told("[quality]\nzoom = 2"),
+        "8:1: unknown key `zoom` in quality; the keys are `step`, `steps`, `jitter`, `scale` and `temporal`"
+    );
+    assert_eq!(told("[qualty]"), "7:2: unknown key `qualty`; did you mean `quality`?");
+    assert_eq!(told("albedo = 1.2"), "7:10: medium.albedo = 1.2; it must be from 0 to 1");
+    assert_eq!(told("albedo = [0.5, \"a\", 1]"), "7:16: medium.albedo[1] must be a number; it is a string, \"a\"");
+    assert_eq!(
+        told("extinction = true"),
+        "7:14: medium.extinction must be a number or [r, g, b]; it is a truth value, true"
+    );
+    assert_eq!(told("[quality]\nstep = 0"), "8:8: quality.step = 0; it must be at least 0.001 voxels");
+    assert_eq!(told("[[camera]]").split(": ").nth(1), Some("not TOML"));
+    assert_eq!(
+        told("[environment]\nradiance = 1\nvisible = 1"),
+        "9:11: environment.visible must be true or false; it is a whole number, 1"
+    );
+    assert_eq!(
+        told("quality = 1"),
+        "7:1: unknown key `quality` in medium; the keys are `kind`, `extinction`, `albedo`, `anisotropy`, `phase`, `emission`, `density` and `bounds`"
+    );
+    let without = |part: &str| load(&format!("{BASE}{BOX}").replace(part, ""), &[]).unwrap_err().to_string();
+    assert_eq!(
+        without("origin = [0, 0, 3]\n"),
+        "scenes/a.toml:1:1: camera.origin is missing, as in origin = [0, 0, 3]"
+    );
+    assert_eq!(without(BOX), "scenes/a.toml:4:1: medium.bounds is missing, as in bounds = [[0, 0, 0], [1, 1, 1]]");
+    assert_eq!(
+        without("kind = \"homogeneous\"\n"),
+        "scenes/a.toml:4:1: medium.kind is missing; it must be \"grid\", \"gaussians\", \"homogeneous\", \"height-fog\" \
+         or \"noise\""
+    );
+    assert_eq!(
+        load("", &[]).unwrap_err().to_string(),
+        "scenes/a.toml: camera is missing, as in [camera] with origin = [0, 0, 3] and target = [0, 0, 0]"
+    );
+}
+
+#[test]
+fn what_the_scene_itself_refuses_has_a_line_too() {
+    let camera = |line: &str, new: &str| load(&format!("{BASE}{BOX}").replace(line, new), &[]).unwrap_err().to_string();
+    assert_eq!(
+        camera("target = [0, 0, 0]", "target = [0, 0, 3]"),
+        "scenes/a.toml:3:10: camera.target: camera origin [0, 0, 3] and target [0, 0, 3] do not give a direction; \
+         they must be finite and apart"
+    );
+    assert_eq!(
+        camera("target = [0, 0, 0]", "target = [0, 0, 0]\nup = [0, 0, 1]"),
+        "scenes/a.toml:4:6: camera.up: camera up [0, 0, 1] is zero, not finite or along the direction of view"
+    );
+    assert_eq!(
+        told("[estimate]\nenvironment = { directions = 50 }"),
+        "8:30: estimate.environment.directions: directions = 50; \
+         HEALPix takes 12·n² directions with n from 1 to 64; the next is 108"
+    );
+    assert_eq!(
+        told("anisotropy = 0.5\n[estimate]\nenvironment = { content = \"transmittance\" }"),
+        "9:27: estimate.environment.content: content = \"transmittance\" holds for an isotropic phase function only; \
+         take \"radiance\" or \"phase\", or set anisotropy = 0"
+    );
+}
+
+#[test]
+fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
+    for (text, expected) in [
+        (
+            "[background]\ncolor = \"a.exr\"",
+            "7:1: background is not built yet; leave [background] out; a visible [environment] stands behind the medium",
+        ),
+        ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
+        (
+            "[[surface]]\nshape = \"plane\"\nmaterial = { diffuse = 0.7, specular = 0.04, shininess = 32 }",
+            "7:1: surface[0] is not built yet; leave [[surface]] out",
+        ),
+        (
+            "[[surface]]\nshape = \"plane\"\nmaterial = { diffuse = -0.7 }",
+            "9:24: surface[0].material.diffuse = -0.7; it must be at least 0",
+        ),
+        (
+            "[[surface]]\nfile = \"a.obj\"\nshape = \"plane\"",
+            "9:9: surface[0].file and surface[0].shape exclude each other; give one",
+        ),
+        (
+            "[animation]\nframes = 3",
+            "7:1: animation is not built yet; leave [animation] out; render a picture for each frame with --set",
+        ),
+        (
+            "[quality]\nsteps = 100",
+            "8:9: quality.steps = 100 is not built yet; give step, the length of a step in voxels",
+        ),
+        (
+            "[quality]\njitter = \"blue-noise\"",
+            "8:10: quality.jitter = \"blue-noise\" is not built yet; available: \"none\"",
+        ),
+        ("[quality]\njitter = \"white\"", "8:10: quality.jitter = \"white\"; it must be \"none\" or \"blue-noise\""),
+        ("[quality]\nscale = 2", "8:9: quality.scale = 2 is not built yet; available: 1"),
+        ("[quality]\nscale = 3", "8:9: quality.scale = 3; it must be 1, 2 or 4"),
+        ("[quality]\ntemporal = true", "8:12: quality.temporal = true is not built yet; available: false"),
+        (
+            "[estimate]\nlights = { kind = \"opacity\", cells = 64, scheme = \"metric\" }",
+            "8:19: estimate.lights.kind = \"opacity\" is not built yet; available: \"direct\"",
+        ),
+        (
+            "[estimate]\nlights = { kind = \"opacity\", scheme = \"fast\" }",
+            "8:39: estimate.lights.scheme = \"fast\"; it must be \"short-characteristics\", \"metric\" or \"published\"",
+        ),
+        (
+            "[estimate]\nlights = { shadow = \"propagated\" }",
+            "8:21: estimate.lights.shadow = \"propagated\" is not built yet; available: \"march\" and \"none\"",
+        ),
+        (
+            "[estimate]\nlights = { surface_shadow = \"map\" }",
+            "8:29: estimate.lights.surface_shadow = \"map\" is not built yet; available: \"none\"",
+        ),
+        (
+            "[estimate]\nscattering = { kind = \"sweeps\", orders = \"converged\" }",
+            "8:23: estimate.scattering.kind = \"sweeps\" is not built yet; leave it out for single scattering",
+        ),
+        (
+            "[estimate]\nscattering = { orders = \"many\" }",
+            "8:25: estimate.scattering.orders = \"many\"; it must be \"converged\" or a whole number from 1 to 100000",
+        ),
+        (
+            "[estimate]\nall = { kind = \"path\", samples = 256, max_depth = 64 }",
+            "8:16: estimate.all.kind = \"path\" is not built yet; leave estimate.all out; environment and lights have estimators",
+        ),
+        (
+            "[estimate]\nall = \"transfer\"",
+            "8:7: estimate.all = \"transfer\" is not built yet; leave estimate.all out; environment and lights have estimators",
+        ),
+        (
+            "[estimate]\nenvironment = { solver = \"sweep\" }",
+            "8:26: estimate.environment.solver = \"sweep\" is not built yet; available: \"march\"",
+        ),
+        (
+            "[estimate]\nenvironment = { extract_sun = \"auto\" }",
+            "8:31: estimate.environment.extract_sun = \"auto\" is not built yet; available: false, the default until then",
+        ),
+        (
+            "[estimate]\nenvironment = { extract_sun = 3 }",
+            "8:31: estimate.environment.extract_sun = 3; it must be \"auto\", true or false",
+        ),
+        (
+            "[estimate]\nenvironment = { basis = \"dsf\" }",
+            "8:25: estimate.environment.basis = \"dsf\" is not built yet; available: \"sh\"",
+        ),
+        (
+            "[estimate]\nenvironment = { window = \"hanning\" }",
+            "8:26: estimate.environment.window = \"hanning\" is not built yet; available: \"none\"",
+        ),
+    ] {
+        assert_eq!(told(text), expected);
+    }
+    for (kind, rest, expected) in [
+        (
+            "gaussians",
+            "blobs = [{ center = [0, 0, 0], a = 9.0, c = 2.0 }]\ncells = 64",
+            "5:8: medium.kind = \"gaussians\" is not built yet; available: \"grid\" and \"homogeneous\"",
+        ),
+        (
+            "gaussians",
+            "blobs = [{ center = [0, 0, 0], a = 9.0, d = 2.0 }]",
+            "7:41: unknown key `d` in medium.blobs[0]; did you mean `a`?",
+        ),
+        (
+            "height-fog",
+            "density = 1\nfalloff = 2\nbase = -1",
+            "5:8: medium.kind = \"height-fog\" is not built yet; available: \"grid\" and \"homogeneous\"",
+        ),
+        ("noise", "octaves = 0", "7:11: medium.octaves = 0; it must be a whole number from 1 to 32"),
+    ] {
+        let base = BASE.replace("homogeneous", kind);
+        let error = load(&format!("{base}{BOX}{rest}"), &[]).unwrap_err().to_string();
+        assert_eq!(error, format!("scenes/a.toml:{expected}"));
+    }
+    let plain = "surface = []\nanimation = { }\nbackground = false\n";
+    let plain = format!("{plain}{BASE}{BOX}[quality]\njitter = false\ntemporal = false\n");
+    assert!(load(&plain, &[]).is_ok());
+}
+
+#[test]
+fn the_report_marks_the_place() {
+    let error = load(&format!("{BASE}{BOX}albedo = [0.5, 1.5, 0.5]  # grey\n"), &[]).unwrap_err();
+    assert_eq!(error.place, Some((7, 10)));
+    assert_eq!(
+        error.report(),
+        "scenes/a.toml:7:10: medium.albedo = [0.5, 1.5, 0.5]; it must be from 0 to 1\n\
+         \u{20} |\n7 | albedo = [0.5, 1.5, 0.5]  # grey\n\u{20} |          ^^^^^^^^^^^^^^^"
+    );
+    let error = load("[camera]\norigin = [0, 0\n", &[]).unwrap_err();
+    assert!(error.message.starts_with("not TOML: "), "{error}");
+    assert!(error.place.is_some());
+}
+
+#[test]
+fn depth_and_size_have_limits() {
+    for text in [
+        format!("{} = 1", vec!["a"; 200_000].join(".")),
+        format!("[{}]", vec!["a"; 200_000].join(".")),
+        format!("a = {}", "[".repeat(200_000)),
+        format!("a = {}1{}", "{ a = ".repeat(200_000), "}".repeat(200_000)),
+    ] {
+        assert!(load(&text, &[]).is_err());
+    }
+}
