@@ -351,3 +351,11 @@ fn coefficients() -> Result<(), Failed> {
     );
     Ok(())
 }
+
+/// The difference of a film of [`scene`]'s camera from a picture of the reference set, over RGB.
+///
+/// # Errors
+/// A missing truth; a film of another size.
+pub fn against(name: &str, film: &Film) -> Result<Difference, Failed> {
+    Ok(Truth::load(name)?.compare(film, Channels::Radiance, |_| true)?.0)
+}
