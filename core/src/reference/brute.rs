@@ -55,6 +55,12 @@ pub struct BruteForce<'s> {
 impl<'s> BruteForce<'s> {
     /// Reads the medium and cuts the sphere.
     pub fn new(scene: &'s Scene, settings: &BruteSettings) -> Self {
+        Self::under(scene, settings, |d| scene.environment.as_ref().map_or(DVec3::ZERO, |e| e.radiance(d)))
+    }
+
+    /// As [`BruteForce::new`], with `radiance` in place of the environment's where it is scattered: a truncation of
+    /// it, say, which may be negative.
+    pub fn under(scene: &'s Scene, settings: &BruteSettings, radiance: impl Fn(DVec3) -> DVec3) -> Self {
         let lattice = scene.medium.lattice();
         let d = lattice.dims();
         let mut slice = vec![0.0f32; d.x as usize * d.y as usize];
@@ -73,7 +79,7 @@ impl<'s> BruteForce<'s> {
             to_index: lattice.world_to_index(),
             density,
             emission,
-            sphere: sphere(scene, settings.rows),
+            sphere: sphere(scene, settings.rows, radiance),
             pair: gauss_legendre(2),
             nodes: gauss_legendre(settings.nodes),
         }
@@ -236,7 +242,7 @@ fn exp(v: DVec3) -> DVec3 {
 
 /// The whole sphere in parts that lie within one texel of the environment each; nothing where no light comes from
 /// all around.
-fn sphere(scene: &Scene, rows: u32) -> Vec<Part> {
+fn sphere(scene: &Scene, rows: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<Part> {
     if scene.environment.is_none() && !scene.optics.emits() {
         return Vec::new();
     }
@@ -256,7 +262,7 @@ fn sphere(scene: &Scene, rows: u32) -> Vec<Part> {
             parts.push(Part {
                 direction,
                 solid_angle: 2.0 * PI / f64::from(columns) * (edge(row) - edge(row + 1)),
-                radiance: scene.environment.as_ref().map_or(DVec3::ZERO, |e| e.radiance(direction)),
+                radiance: radiance(direction),
             });
         }
     }
