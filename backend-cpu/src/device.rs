@@ -86,6 +86,9 @@ impl CpuDevice {
 }
 
 fn span(offset: u64, len: usize, bytes: usize) -> Result<Range<usize>, DeviceError> {
+    if !offset.is_multiple_of(4) || !len.is_multiple_of(4) {
+        return Err(DeviceError::Invalid(format!("{len} bytes from {offset} on are not whole words of 4 bytes")));
+    }
     let start = usize::try_from(offset).ok().filter(|start| start.checked_add(len).is_some_and(|end| end <= bytes));
     start
         .map(|start| start..start + len)

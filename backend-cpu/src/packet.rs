@@ -162,8 +162,8 @@ impl F {
     /// The integers that the lanes hold; all must lie in the range of `i32`.
     #[inline(always)]
     pub(crate) fn to_int(self) -> I {
-        // SAFETY: callers pass lanes that `clamp_index` or `min`/`max` put between two representable integers; both
-        // replace what is not a number.
+        // SAFETY: callers pass lanes that `min` and `max` put between two representable integers; both replace what
+        // is not a number.
         #[allow(unsafe_code)]
         I(lanes!(i => unsafe { self.0[i].to_int_unchecked::<i32>() }))
     }

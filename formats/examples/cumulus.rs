@@ -12,12 +12,12 @@ use airlight_core::media::{Grid, IndexBox, Storage};
 use airlight_formats::volume::{VdbWriteOptions, write_vdb};
 
 /// Voxels along x, y and z, and their edge in metres: the cloud is about 1.2 km wide.
-const DIMS: [u32; 3] = [176, 112, 144];
-const VOXEL: f32 = 8.0;
+const DIMS: [u32; 3] = [224, 144, 184];
+const VOXEL: f32 = 6.25;
 /// Height of the flat base above the grid's floor, metres.
 const BASE: f32 = 60.0;
 /// Depth over which density rises from the surface inward, metres.
-const SOFT: f32 = 42.0;
+const SOFT: f32 = 36.0;
 
 struct Bubble {
     center: Vec3,
@@ -72,7 +72,7 @@ fn bubbles() -> Vec<Bubble> {
         .collect();
     // Each generation sits on the surface of the one before.
     let mut from = 0;
-    for (count, smallest, largest) in [(16, 0.28, 0.46), (9, 0.30, 0.48)] {
+    for (count, smallest, largest) in [(18, 0.26, 0.50), (11, 0.26, 0.46), (5, 0.3, 0.5)] {
         let to = all.len();
         for parent in from..to {
             for _ in 0..count {
@@ -148,14 +148,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let p = (Vec3::new((n % nx) as f32, (n / nx % ny) as f32, (n / nx / ny) as f32) + 0.5) * VOXEL;
         let height = ((p.y - BASE) / 500.0).clamp(0.0, 1.0);
         // Erosion: rounder low down, more torn on top; the base is flat but for slow undulations.
-        let torn = (26.0 + 22.0 * height) * fractal(p, 96.0, 5) + 7.0;
+        let torn = (46.0 + 30.0 * height) * fractal(p, 120.0, 6) + 14.0;
         let base = BASE + 14.0 * fractal(p * Vec3::new(1.0, 0.0, 1.0), 210.0, 3) - p.y;
         let depth = -(*value + torn).max(base);
         let rise = (depth / SOFT).clamp(0.0, 1.0);
-        let body = 0.82 + 0.18 * fractal(p, 150.0, 3);
+        let body = 0.75 + 0.35 * fractal(p, 90.0, 4);
         let smooth = rise * rise * (3.0 - 2.0 * rise);
         // Two decimal digits of a half: less would band, more would only fill the file.
-        *value = ((smooth * body).min(1.0) * 256.0).round() / 256.0;
+        *value = ((smooth * body).clamp(0.0, 1.0) * 256.0).round() / 256.0;
     }
     let dims = UVec3::from_array(DIMS);
     let map = DAffine3::from_scale_rotation_translation(

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use airlight_core::scene::Film;
 use airlight_formats::image::{
-    Exr, ImageFormat, load_environment, read_exr_channels, read_image, write_exr, write_exr_channels, write_film,
+    Exr, ImageFormat, ToneMap, load_environment, read_exr_channels, read_image, write_exr, write_exr_channels,
+    write_film,
 };
 
 fn data(name: &str) -> PathBuf {
@@ -80,7 +81,7 @@ fn a_film_goes_through_a_file_unchanged() {
     let path = folder.path().join("out.exr");
     let film = film();
     let metadata = vec![("device".to_owned(), "cpu:0".to_owned()), ("scene".to_owned(), "Wölkchen.toml".to_owned())];
-    write_film(&path, &film, &metadata).unwrap();
+    write_film(&path, &film, &metadata, ToneMap::default()).unwrap();
     let exr = read_exr_channels(&path).unwrap();
     let names: Vec<_> = exr.channels.iter().map(|(n, _)| n.as_str()).collect();
     assert_eq!(names, ["A", "B", "G", "R", "depth.Z", "transmittance.B", "transmittance.G", "transmittance.R"]);
@@ -96,12 +97,12 @@ fn a_film_goes_through_a_file_unchanged() {
     assert_eq!(loaded.image.texels[20], [film.beauty[20][0], film.beauty[20][1], film.beauty[20][2]]);
 
     let png = folder.path().join("OUT.PNG");
-    write_film(&png, &film, &[]).unwrap();
+    write_film(&png, &film, &[], ToneMap::default()).unwrap();
     let bytes = fs::read(&png).unwrap();
     assert_eq!(&bytes[..8], b"\x89PNG\r\n\x1a\n");
     assert_eq!(bytes[16..24], [0, 0, 0, 19, 0, 0, 0, 11]);
 
-    let error = write_film(&folder.path().join("out.jpg"), &film, &[]).unwrap_err().to_string();
+    let error = write_film(&folder.path().join("out.jpg"), &film, &[], ToneMap::default()).unwrap_err().to_string();
     assert!(error.ends_with("the ending says the format of a picture; write .exr or .png"), "{error}");
     let error = write_exr(&path, &Film { depth: vec![], ..film }, &[]).unwrap_err().to_string();
     assert!(error.ends_with("209 transmittances and 0 depths cannot be written"), "{error}");

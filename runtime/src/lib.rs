@@ -50,7 +50,11 @@ use device::{Device, DeviceInfo, DeviceKind, Provider, Unavailable};
 
 /// The backends that were compiled in, in the order that `auto` prefers among equals.
 pub fn providers() -> Vec<Provider> {
-    vec![airlight_cpu::PROVIDER]
+    vec![
+        #[cfg(feature = "wgpu")]
+        airlight_wgpu::PROVIDER,
+        airlight_cpu::PROVIDER,
+    ]
 }
 
 /// One backend and its devices, or why it has none.
@@ -101,10 +105,16 @@ pub fn open(choice: &str) -> Result<Box<dyn Device>, NoDevice> {
 /// As [`open`].
 pub fn open_among(providers: &[Provider], choice: &str) -> Result<Box<dyn Device>, NoDevice> {
     let fail = |reason: String| NoDevice { choice: choice.to_owned(), reason };
-    let listed: Vec<(&Provider, Result<Vec<DeviceInfo>, Unavailable>)> =
-        providers.iter().map(|p| (p, (p.enumerate)())).collect();
-    let all = || listed.iter().flat_map(|(p, found)| found.iter().flatten().map(move |info| (*p, info)));
     let wanted = choice.trim().to_lowercase();
+    // A choice that names its backend asks no other: opening the processor loads no graphics library.
+    let names = |p: &Provider| wanted.strip_prefix(p.name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'));
+    let named = providers.iter().any(names);
+    let listed: Vec<(&Provider, Result<Vec<DeviceInfo>, Unavailable>)> =
+        providers.iter().filter(|p| !named || names(p)).map(|p| (p, (p.enumerate)())).collect();
+    if let (true, Some((_, Err(reason)))) = (named, listed.first()) {
+        return Err(fail(reason.to_string()));
+    }
+    let all = || listed.iter().flat_map(|(p, found)| found.iter().flatten().map(move |info| (*p, info)));
     let found = if wanted == "auto" {
         let rank = |kind: DeviceKind| match kind {
             DeviceKind::DiscreteGpu => 0,
@@ -114,11 +124,8 @@ pub fn open_among(providers: &[Provider], choice: &str) -> Result<Box<dyn Device
             DeviceKind::SoftwareGpu => 4,
         };
         all().filter(|(_, info)| info.kind != DeviceKind::SoftwareGpu).min_by_key(|(_, info)| rank(info.kind))
-    } else if let Some((provider, found)) = listed.iter().find(|(p, _)| wanted == p.name) {
-        match found {
-            Ok(devices) => devices.first().map(|info| (*provider, info)),
-            Err(reason) => return Err(fail(reason.to_string())),
-        }
+    } else if listed.iter().any(|(p, _)| wanted == p.name) {
+        all().next()
     } else {
         all()
             .find(|(_, info)| info.id() == wanted)
@@ -137,8 +144,31 @@ mod tests {
 
     #[test]
     fn the_cpu_answers_to_its_names() {
-        for choice in ["auto", "cpu", "cpu:0", "CPU"] {
+        for choice in ["cpu", "cpu:0", "CPU"] {
             assert_eq!(open(choice).map(|d| d.info().backend).ok(), Some("cpu"), "{choice}");
+        }
+    }
+
+    #[test]
+    fn auto_takes_no_software_gpu() {
+        let kind = open("auto").map(|device| device.info().kind);
+        assert!(kind.is_ok_and(|kind| kind != DeviceKind::SoftwareGpu));
+    }
+
+    #[test]
+    fn a_choice_that_names_its_backend_asks_no_other() {
+        let untouched = Provider {
+            name: "other",
+            enumerate: || panic!("was asked for its devices"),
+            open: |_| Err(Unavailable("was opened".into())),
+        };
+        for choice in ["cpu", "cpu:0"] {
+            assert!(open_among(&[untouched, airlight_cpu::PROVIDER], choice).is_ok(), "{choice}");
+        }
+        let none = Provider { enumerate: || Err(Unavailable("no loader".into())), ..untouched };
+        for choice in ["other", "other:0"] {
+            let error = open_among(&[none, airlight_cpu::PROVIDER], choice).map(|_| ()).unwrap_err();
+            assert_eq!(error.reason, "no loader", "{choice}");
         }
     }
 

@@ -252,21 +252,21 @@ impl Path {
         }
         let place = triple!(a => (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
         let dims = triple!(a => p.cells[a] as usize);
-        let (size, trilinear) = (dims[0] * dims[1] * dims[2], p.trilinear == 1);
+        let (layers, trilinear) = (p.cells[3] as usize, p.trilinear == 1);
         for i in 0..LANES {
             if !dense.lane(i) {
                 continue;
             }
-            let place = Place::new(dims, triple!(a => place[a].0[i]), trilinear);
-            if p.cells[3] == 1 {
-                let j = sample_rgba(inputs.in_scatter, dims, place);
+            let place = Place::new(dims, layers, triple!(a => place[a].0[i]), trilinear);
+            if layers == 1 {
+                let j = sample_rgba(inputs.in_scatter, place, 0);
                 for c in 0..3 {
                     light[c].0[i] += j[c];
                 }
                 continue;
             }
-            for (k, layer) in inputs.in_scatter.chunks_exact(size).enumerate() {
-                let j = sample_rgba(layer, dims, place);
+            for k in 0..layers {
+                let j = sample_rgba(inputs.in_scatter, place, k);
                 for c in 0..3 {
                     light[c].0[i] += self.harmonics[k].0[i] * j[c];
                 }

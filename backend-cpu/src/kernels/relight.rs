@@ -16,7 +16,7 @@ pub(crate) fn run(stage: &Relight, range: Range<u32>, memory: &mut Memory<'_>) -
     let (mut out, read) = memory.split();
     let p = &stage.params;
     let (coefficients, channels) = (p.coefficients as usize, p.channels as usize);
-    let (cells, emission) = (p.cells as usize, p.emission_coefficients as usize);
+    let emission = p.emission_coefficients as usize;
     let light = &read.buf(stage.light)?[..coefficients];
     let records = read.buf(stage.records)?;
     let emitted = read.opt(stage.emission_records)?;
@@ -27,10 +27,11 @@ pub(crate) fn run(stage: &Relight, range: Range<u32>, memory: &mut Memory<'_>) -
         |cell: usize, k: usize, c: usize| if emission > 0 { emitted[(cell * emission + k) * 3 + c] } else { 0.0 };
     let (start, end) = (range.start as usize, range.end as usize);
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
-    for (layer, out) in out.chunks_exact_mut(cells).take(p.layers as usize).enumerate() {
-        out[start..end].par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
-            for (i, place) in out.iter_mut().enumerate() {
-                let cell = start + chunk * CHUNK + i;
+    let layers = p.layers as usize;
+    out[start * layers..end * layers].par_chunks_mut(CHUNK * layers).enumerate().for_each(|(chunk, out)| {
+        for (i, out) in out.chunks_exact_mut(layers).enumerate() {
+            let cell = start + chunk * CHUNK + i;
+            for (layer, place) in out.iter_mut().enumerate() {
                 for c in 0..3 {
                     place[c] = if p.layers == 1 {
                         let mut sum = 0.0;
@@ -43,7 +44,7 @@ pub(crate) fn run(stage: &Relight, range: Range<u32>, memory: &mut Memory<'_>) -
                     };
                 }
             }
-        });
-    }
+        }
+    });
     Ok(())
 }

@@ -33,23 +33,28 @@ impl<'a> Texels<'a> {
         self.dims.map(|d| d as f32)
     }
 
-    /// The texels around `p`, with indices clamped at the edge.
+    /// Along axis `a`: the lower of the two texels around `p`, the step in offset to the upper one, and the place
+    /// between them. Indices are clamped at the edge.
+    #[inline(always)]
+    fn between(&self, p: F, a: usize, pitch: i32) -> (I, I, F) {
+        // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
+        let last = self.dims[a] - 1;
+        let q = p.max(F::ZERO).min(F::splat(last as f32));
+        let at = q.to_int();
+        let f = q - F(lanes!(i => at.0[i] as f32));
+        let step = I(lanes!(i => if at.0[i] < last { pitch } else { 0 }));
+        (at, step, f)
+    }
+
+    /// The texels around `p`.
     #[inline(always)]
     fn corners(&self, p: [F; 3]) -> Corners {
-        let mut at = [I([0; LANES]); 3];
-        let mut step = at;
-        let mut f = [F::ZERO; 3];
-        let pitch = [1, self.dims[0], self.dims[0] * self.dims[1]];
-        for a in 0..3 {
-            // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
-            let last = self.dims[a] - 1;
-            let q = p[a].max(F::ZERO).min(F::splat(last as f32));
-            at[a] = q.to_int();
-            f[a] = q - F(lanes!(i => at[a].0[i] as f32));
-            step[a] = I(lanes!(i => if at[a].0[i] < last { pitch[a] } else { 0 }));
-        }
-        let base = I(lanes!(i => at[0].0[i] + at[1].0[i] * pitch[1] + at[2].0[i] * pitch[2]));
-        Corners { base, step, f }
+        let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
+        let (x, dx, fx) = self.between(p[0], 0, 1);
+        let (y, dy, fy) = self.between(p[1], 1, row);
+        let (z, dz, fz) = self.between(p[2], 2, slice);
+        let base = I(lanes!(i => x.0[i] + y.0[i] * row + z.0[i] * slice));
+        Corners { base, step: [dx, dy, dz], f: [fx, fy, fz] }
     }
 
     #[inline(always)]
@@ -149,16 +154,13 @@ impl Ray {
     /// ceil(length / longest) equal steps.
     #[inline(always)]
     pub(crate) fn through(origin: [F; 3], direction: [F; 3], size: [f32; 3], limit: F, longest: f32) -> Self {
-        let (mut near, mut far) = (F::ZERO, limit);
-        let mut direction = direction;
-        for a in 0..3 {
-            // A ray along a wall: far enough from parallel that the quotients below are numbers.
-            direction[a] = direction[a].away_from_zero();
-            let lower = (F::splat(-0.5) - origin[a]) / direction[a];
-            let upper = (F::splat(size[a] - 0.5) - origin[a]) / direction[a];
-            near = near.max(lower.min(upper));
-            far = far.min(lower.max(upper));
-        }
+        // A ray along a wall: far enough from parallel that the quotients below are numbers.
+        let direction = triple!(a => direction[a].away_from_zero());
+        let lower = triple!(a => (F::splat(-0.5) - origin[a]) / direction[a]);
+        let upper = triple!(a => (F::splat(size[a] - 0.5) - origin[a]) / direction[a]);
+        let [x, y, z] = triple!(a => (lower[a].min(upper[a]), lower[a].max(upper[a])));
+        let near = F::ZERO.max(x.0).max(y.0).max(z.0);
+        let far = limit.min(x.1).min(y.1).min(z.1);
         let length = (far - near).max(F::ZERO);
         let steps = (length / longest).ceil();
         let step = steps.gt(F::ZERO).select(length / steps.max(F::ONE), F::ZERO);
@@ -204,50 +206,59 @@ fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     [a[0] + (b[0] - a[0]) * f, a[1] + (b[1] - a[1]) * f, a[2] + (b[2] - a[2]) * f, a[3] + (b[3] - a[3]) * f]
 }
 
-/// Interpolates along x between two texels of the row that starts at `row`.
-#[inline(always)]
-fn mix_row(layer: &[[f32; 4]], row: usize, x: [usize; 2], f: f32) -> [f32; 4] {
-    mix(layer[row + x[0]], layer[row + x[1]], f)
-}
-
-/// Where a lookup falls in a field over the record cells: the two texels along each axis, and the place between them.
+/// Where a lookup falls in a field over the record cells: offsets of the lower and the upper texel's first layer along
+/// each axis, and the place between them.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
-    lo: [usize; 3],
-    hi: [usize; 3],
+    x: [usize; 2],
+    y: [usize; 2],
+    z: [usize; 2],
     f: [f32; 3],
 }
 
 impl Place {
     /// Of the point `p`, where texel i lies at i; both texels are the nearest one unless `trilinear`.
     #[inline(always)]
-    pub(crate) fn new(dims: [usize; 3], p: [f32; 3], trilinear: bool) -> Self {
-        let mut place = Self { lo: [0; 3], hi: [0; 3], f: [0.0; 3] };
-        for a in 0..3 {
-            let last = (dims[a] - 1) as f32;
-            // Nearest: half a texel on and rounded down.
-            let q = if trilinear { p[a] } else { p[a] + 0.5 };
-            let q = q.max(0.0).min(last);
-            place.lo[a] = q as usize;
-            if trilinear {
-                place.f[a] = q - place.lo[a] as f32;
-                place.hi[a] = (place.lo[a] + 1).min(dims[a] - 1);
-            } else {
-                place.hi[a] = place.lo[a];
-            }
+    pub(crate) fn new(dims: [usize; 3], layers: usize, p: [f32; 3], trilinear: bool) -> Self {
+        let [x, y, z] = triple!(a => between(dims[a], p[a], trilinear));
+        let (row, slice) = (layers * dims[0], layers * dims[0] * dims[1]);
+        Self {
+            x: [x.0 * layers, x.1 * layers],
+            y: [y.0 * row, y.1 * row],
+            z: [z.0 * slice, z.1 * slice],
+            f: [x.2, y.2, z.2],
         }
-        place
     }
 }
 
-/// Trilinear lookup of one layer of an RGBA field, x then y then z.
+/// The two texels around `p` of `n`, clamped at the edge, and the place between them.
 #[inline(always)]
-pub(crate) fn sample_rgba(layer: &[[f32; 4]], dims: [usize; 3], place: Place) -> [f32; 4] {
-    let Place { lo, hi, f } = place;
-    let x = [lo[0], hi[0]];
-    let row = [lo[1] * dims[0], hi[1] * dims[0]];
-    let slice = [lo[2] * dims[1] * dims[0], hi[2] * dims[1] * dims[0]];
-    let near = mix(mix_row(layer, slice[0] + row[0], x, f[0]), mix_row(layer, slice[0] + row[1], x, f[0]), f[1]);
-    let far = mix(mix_row(layer, slice[1] + row[0], x, f[0]), mix_row(layer, slice[1] + row[1], x, f[0]), f[1]);
+fn between(n: usize, p: f32, trilinear: bool) -> (usize, usize, f32) {
+    let last = (n - 1) as f32;
+    if trilinear {
+        let q = p.max(0.0).min(last);
+        let at = q as usize;
+        (at, (at + 1).min(n - 1), q - at as f32)
+    } else {
+        // Half a texel on and rounded down.
+        let at = (p + 0.5).max(0.0).min(last) as usize;
+        (at, at, 0.0)
+    }
+}
+
+/// Trilinear lookup of one layer of an RGBA field whose layers are fastest, x then y then z.
+#[inline(always)]
+pub(crate) fn sample_rgba(texels: &[[f32; 4]], place: Place, layer: usize) -> [f32; 4] {
+    let Place { x, y, z, f } = place;
+    let near = mix_row(texels, z[0] + y[0] + layer, x, f[0]);
+    let near = mix(near, mix_row(texels, z[0] + y[1] + layer, x, f[0]), f[1]);
+    let far = mix_row(texels, z[1] + y[0] + layer, x, f[0]);
+    let far = mix(far, mix_row(texels, z[1] + y[1] + layer, x, f[0]), f[1]);
     mix(near, far, f[2])
+}
+
+/// Interpolates along x between two texels of the row that starts at `row`.
+#[inline(always)]
+fn mix_row(texels: &[[f32; 4]], row: usize, x: [usize; 2], f: f32) -> [f32; 4] {
+    mix(texels[row + x[0]], texels[row + x[1]], f)
 }

@@ -35,19 +35,20 @@ pub trait Device: Send {
     /// Frees the resource `id`, if it exists.
     fn destroy(&mut self, id: ResourceId);
 
-    /// Writes bytes from `offset` on. Fields take whole z-slices: texels x fastest, then y, z and layer.
+    /// Writes bytes from `offset` on, both in whole 4-byte words. Fields take whole z-slices: layer fastest, then x, y
+    /// and z.
     ///
     /// # Errors
-    /// No such resource; bytes past its end; parts of slices.
+    /// No such resource; bytes past its end; parts of words or slices.
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError>;
 
-    /// Reads bytes of a buffer from `offset` on, after all work so far.
+    /// Reads bytes of a buffer from `offset` on, both in whole 4-byte words, after all work so far.
     ///
     /// # Errors
-    /// No such resource; bytes past its end; a fault of the work so far; a field (stages write buffers).
+    /// No such resource; bytes past its end; parts of words; a fault of the work so far; a field (stages write buffers).
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError>;
 
-    /// Makes a field of what stages wrote into a buffer: texels x fastest, then y, z and layer, as 32-bit floats.
+    /// Makes a field of what stages wrote into a buffer: layer fastest, then x, y and z, as 32-bit floats.
     ///
     /// # Errors
     /// No such resources, or sizes that differ.

@@ -41,7 +41,7 @@ impl FieldFormat {
 pub struct FieldSpec {
     /// Texels along x, y and z.
     pub dims: [u32; 3],
-    /// 3-D arrays of that size, one behind the other; a lookup never mixes two.
+    /// 3-D arrays of that size, side by side; a lookup never mixes two.
     pub layers: u32,
     /// What a texel holds.
     pub format: FieldFormat,
@@ -53,9 +53,10 @@ impl FieldSpec {
         self.dims.iter().fold(u64::from(self.layers), |n, &d| n.saturating_mul(d.into()))
     }
 
-    /// Bytes of one z-slice.
+    /// Bytes of one z-slice of all layers. The host writes fields in whole slices: layer fastest, then x, y and z.
     pub fn slice_bytes(&self) -> u64 {
-        u64::from(self.dims[0]).saturating_mul(self.dims[1].into()).saturating_mul(self.format.bytes())
+        let texels = u64::from(self.dims[0]).saturating_mul(self.dims[1].into()).saturating_mul(self.layers.into());
+        texels.saturating_mul(self.format.bytes())
     }
 
     /// Bytes of all layers.
@@ -142,25 +143,34 @@ pub struct Binding {
     pub id: Option<ResourceId>,
     /// How it is used.
     pub access: BindingAccess,
+    /// Bytes of a buffer that one group of the work axis ([`Kernel::group`](crate::stage::Kernel::group)) touches:
+    /// group g touches bytes g · `part` to (g + 1) · `part`, the last one as far as the buffer reaches. A device may
+    /// then bind only the part of its range. None where any unit may touch any byte.
+    pub part: Option<u64>,
 }
 
 impl Binding {
-    /// A field that is sampled.
-    pub fn sample(name: &'static str, field: Option<Field>) -> Self {
-        let none = FieldSpec { dims: [0; 3], layers: 0, format: FieldFormat::Scalar };
+    /// A field that is sampled. Its format is said also where the stage runs without it, because a kernel is typed.
+    pub fn sample(name: &'static str, format: FieldFormat, field: Option<Field>) -> Self {
+        let none = FieldSpec { dims: [0; 3], layers: 0, format };
         let access = BindingAccess::Sample(field.map_or(none, |f| f.spec));
-        Self { name, id: field.map(|f| f.id), access }
+        Self { name, id: field.map(|f| f.id), access, part: None }
     }
 
     /// A buffer that is read.
     pub fn read<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
         let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
-        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Read(bytes) }
+        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Read(bytes), part: None }
     }
 
     /// A buffer that is written.
     pub fn write<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
         let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
-        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Write(bytes) }
+        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Write(bytes), part: None }
+    }
+
+    /// The same, of which each group of the work axis touches `elements` elements of its own, in order.
+    pub fn in_parts<T>(self, elements: u64) -> Self {
+        Self { part: Some(elements * size_of::<T>() as u64), ..self }
     }
 }

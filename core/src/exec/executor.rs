@@ -120,8 +120,7 @@ impl Executor {
         let mut written = Vec::new();
         let done = run.nodes(nodes, &slots.names, hooks, &mut written).and_then(|()| run.finish());
         if let Err(error) = done {
-            // Waits for what is still under way, and takes the times of this run's dispatches, which the next run
-            // would count as its own. What goes wrong here is a consequence of `error`.
+            // What was dispatched before the fault still ends, and its times are not the next run's.
             let _ = run.device.finish();
             // Faults may surface late, so nothing that this run wrote is trusted.
             for id in written {

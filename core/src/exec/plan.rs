@@ -125,8 +125,8 @@ impl<'a> Plan<'a> {
         self.upload(slot, data.len() as u64, &bytes, move || data)
     }
 
-    /// A field filled slice by slice, all layers one behind the other: `slice` gets the number of the z-slice and
-    /// where its texels go. Its content depends on `content` alone.
+    /// A field filled slice by slice: `slice` gets the number of the z-slice and where its texels go, layer fastest,
+    /// then x and y. Its content depends on `content` alone.
     pub fn upload_field(
         &mut self,
         slot: &str,
@@ -138,7 +138,7 @@ impl<'a> Plan<'a> {
         let fill: Fill<'a> = Box::new(move |device, id| {
             let bytes = spec.slice_bytes();
             let mut texels = vec![0.0f32; (bytes / 4) as usize];
-            for z in 0..spec.dims[2] * spec.layers {
+            for z in 0..spec.dims[2] {
                 slice(z, &mut texels);
                 device.write(id, u64::from(z) * bytes, bytemuck::cast_slice(&texels))?;
             }

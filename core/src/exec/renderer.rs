@@ -28,7 +28,8 @@ pub struct Renderer {
 /// Voxels along each side of a cell of the march's occupancy.
 const OCCUPANCY: u32 = 8;
 
-/// 1/r² is floored at the distance of this part of the voxel edge, where a point light would shine infinitely.
+/// 1/r² is floored at the distance of this part of [`Medium::voxel`](crate::media::Medium::voxel), where a point light
+/// would shine infinitely.
 const LIGHT_FLOOR: f64 = 0.01;
 
 impl Renderer {
@@ -123,7 +124,7 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
     (params.extinction, params.albedo) = (rgb0(optics.extinction), rgb0(optics.albedo));
     params.emission = rgb0(optics.emission);
     (params.step, params.cut) = (medium.step, March::CUT);
-    params.light_floor = (LIGHT_FLOOR * scene.medium.lattice().shortest_edge()).powi(2) as f32;
+    params.light_floor = (LIGHT_FLOOR * scene.medium.voxel()).powi(2) as f32;
 
     // Space without density or emission is stepped over.
     let cells = [0, 1, 2].map(|a| grid.dims[a].div_ceil(OCCUPANCY));

@@ -1,6 +1,8 @@
 //! Which estimators light the medium, and their options.
 
-use crate::basis::{SphericalHarmonics, healpix};
+use std::sync::OnceLock;
+
+use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, gram_error, healpix};
 use crate::media::Phase;
 
 /// One estimator for each source of first-order light; without one, that light is left out.
@@ -165,6 +167,15 @@ impl Records {
             let range = format!("HEALPix takes 12·n² directions with n from 1 to 64; the next is {}", 12 * n * n);
             return Err(EstimateError::Range { key: "directions", value: self.directions, range });
         }
+        let bands = match self.content {
+            Content::Radiance => self.bands.min(phase.reach().unwrap_or(u32::MAX)),
+            Content::Transmittance | Content::Phase => self.bands,
+        };
+        let coarsest = 12 * coarsest_nside(bands).pow(2);
+        if self.directions < coarsest {
+            let range = format!("{bands} bands of spherical harmonics need at least {coarsest} directions");
+            return Err(EstimateError::Range { key: "directions", value: self.directions, range });
+        }
         if self.content == Content::Transmittance && !phase.is_isotropic() {
             return Err(EstimateError::Conflict(
                 "content = \"transmittance\" holds for an isotropic phase function only; \
@@ -174,6 +185,20 @@ impl Records {
         }
         Ok(())
     }
+}
+
+/// The smallest n for which 12·n² HEALPix directions keep the first `bands` of spherical harmonics apart: their Gram
+/// matrix is off by at most [`GRAM_TOLERANCE`].
+fn coarsest_nside(bands: u32) -> u32 {
+    static FOUND: [OnceLock<u32>; Records::MAX_BANDS as usize] =
+        [const { OnceLock::new() }; Records::MAX_BANDS as usize];
+    let fits = |n: &u32| {
+        let directions = healpix::directions(*n);
+        let weights = vec![healpix::weight(*n); directions.len()];
+        SphericalHarmonics::new(bands).is_ok_and(|basis| gram_error(&basis, &directions, &weights) <= GRAM_TOLERANCE)
+    };
+    let index = (bands as usize).clamp(1, FOUND.len()) - 1;
+    *FOUND[index].get_or_init(|| (1..=Records::MAX_NSIDE).find(fits).unwrap_or(Records::MAX_NSIDE))
 }
 
 impl Estimate {
@@ -186,5 +211,23 @@ impl Estimate {
             Some(EnvironmentEstimate::Records(records)) => records.validate(phase),
             None => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_must_resolve_the_bands() {
+        assert_eq!([1, 3, 6, 10].map(coarsest_nside), [1, 2, 3, 5]);
+        let options = |bands, directions, content| Records { bands, directions, content, ..Records::default() };
+        let hg = Phase::HenyeyGreenstein { g: 0.5 };
+        assert!(options(3, 12, Content::Phase).validate(&hg).is_err());
+        assert!(options(3, 48, Content::Phase).validate(&hg).is_ok());
+        assert!(options(10, 192, Content::Radiance).validate(&hg).is_err());
+        // An isotropic medium asks for one band, whatever the option says.
+        assert!(options(10, 12, Content::Radiance).validate(&Phase::Isotropic).is_ok());
+        assert!(options(3, 100, Content::Phase).validate(&hg).is_err(), "not 12·n²");
     }
 }

@@ -158,22 +158,27 @@ impl Kernel for March {
     }
 
     fn bindings(&self) -> Vec<Binding> {
+        let row = u64::from(Self::BLOCK) * u64::from(self.params.width);
         vec![
-            Binding::sample("density", Some(self.density)),
-            Binding::sample("emission_density", self.emission),
-            Binding::sample("in_scatter", self.in_scatter),
+            Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
+            Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
+            Binding::sample("in_scatter", FieldFormat::Rgba, self.in_scatter),
             Binding::read("occupancy", self.occupancy),
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
             Binding::read("environment", self.environment),
-            Binding::read("surface", self.surface),
-            Binding::write("film", Some(self.film)),
+            Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row),
+            Binding::write("film", Some(self.film)).in_parts::<[f32; 4]>(2 * row),
         ]
     }
 
     fn axis(&self) -> u32 {
         let [x, y] = self.blocks();
         x * y
+    }
+
+    fn group(&self) -> u32 {
+        self.blocks()[0]
     }
 
     fn validate(&self) -> Result<(), String> {

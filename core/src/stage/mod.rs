@@ -32,6 +32,12 @@ pub trait Kernel {
     /// Length of the work axis.
     fn axis(&self) -> u32;
 
+    /// Units of the work axis that touch the same part of the buffers that are bound in parts
+    /// ([`Binding::part`]).
+    fn group(&self) -> u32 {
+        1
+    }
+
     /// Whether parameters and resources fit each other.
     ///
     /// # Errors
@@ -90,6 +96,12 @@ impl Stage {
     /// Length of the work axis.
     pub fn axis(&self) -> u32 {
         each!(self, stage => stage.axis())
+    }
+
+    /// Units of the work axis that touch the same part of the buffers that are bound in parts
+    /// ([`Binding::part`]).
+    pub fn group(&self) -> u32 {
+        each!(self, stage => stage.group())
     }
 
     /// Whether parameters and resources fit each other.

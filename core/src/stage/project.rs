@@ -17,7 +17,7 @@
 //!
 //! Cells whose `occupancy` maximum is zero are written as zeros. The work axis is the cells, x fastest.
 
-use crate::device::{Binding, Buf, Field};
+use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
 use crate::stage::grid::is_scalar;
 use crate::stage::{Kernel, PhaseParams, require};
@@ -110,16 +110,19 @@ impl Kernel for Project {
     }
 
     fn bindings(&self) -> Vec<Binding> {
+        let p = &self.params;
+        let record = u64::from(p.coefficients) * u64::from(p.record_channels());
+        let emission = u64::from(p.emission_coefficients) * 3;
         vec![
-            Binding::sample("density", Some(self.density)),
-            Binding::sample("emission_density", self.emission),
-            Binding::read("occupancy", self.occupancy),
+            Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
+            Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
+            Binding::read("occupancy", self.occupancy).in_parts::<[f32; 2]>(1),
             Binding::read("directions", Some(self.directions)),
             Binding::read("weights", Some(self.weights)),
             Binding::read("emission_weights", self.emission_weights),
             Binding::read("phase_table", self.phase_table),
-            Binding::write("records", Some(self.records)),
-            Binding::write("emission_records", self.emission_records),
+            Binding::write("records", Some(self.records)).in_parts::<f32>(record),
+            Binding::write("emission_records", self.emission_records).in_parts::<f32>(emission),
         ]
     }
 

@@ -11,7 +11,7 @@
 //!
 //! The work axis is the coarse cells, x fastest.
 
-use crate::device::{Binding, Buf, Field};
+use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
 use crate::stage::grid::is_scalar;
 use crate::stage::{Kernel, require};
@@ -55,9 +55,9 @@ impl Kernel for Reduce {
 
     fn bindings(&self) -> Vec<Binding> {
         vec![
-            Binding::sample("density", Some(self.density)),
-            Binding::sample("other", self.other),
-            Binding::write("reduced", Some(self.out)),
+            Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
+            Binding::sample("other", FieldFormat::Scalar, self.other),
+            Binding::write("reduced", Some(self.out)).in_parts::<[f32; 2]>(1),
         ]
     }
 

@@ -8,7 +8,7 @@
 //! With as many layers as coefficients, layer k holds coefficient k of J(d) = Σ_k J_k Y_k(d):
 //! J_k\[c\] = `light`\[k\]\[c\] · (D\[k\]\[c\] + E\[k\]\[c\]), where `light` holds the phase function's moments.
 //!
-//! A record of one channel serves all three. The output is laid out \[layer\]\[cell\] as RGBA (A unused), ready to be
+//! A record of one channel serves all three. The output is laid out \[cell\]\[layer\] as RGBA (A unused), ready to be
 //! published as a field. The work axis is the cells, x fastest.
 
 use crate::device::{Binding, Buf};
@@ -48,7 +48,7 @@ pub struct Relight {
     pub emission_records: Option<Buf<f32>>,
     /// Light per coefficient, RGB; unused.
     pub light: Buf<[f32; 4]>,
-    /// J, laid out \[layer\]\[cell\], RGB; unused.
+    /// J, laid out \[cell\]\[layer\], RGB; unused.
     pub out: Buf<[f32; 4]>,
 }
 
@@ -60,11 +60,14 @@ impl Kernel for Relight {
     }
 
     fn bindings(&self) -> Vec<Binding> {
+        let p = &self.params;
+        let record = u64::from(p.coefficients) * u64::from(p.channels);
+        let emission = u64::from(p.emission_coefficients) * 3;
         vec![
-            Binding::read("records", Some(self.records)),
-            Binding::read("emission_records", self.emission_records),
+            Binding::read("records", Some(self.records)).in_parts::<f32>(record),
+            Binding::read("emission_records", self.emission_records).in_parts::<f32>(emission),
             Binding::read("light", Some(self.light)),
-            Binding::write("in_scatter", Some(self.out)),
+            Binding::write("in_scatter", Some(self.out)).in_parts::<[f32; 4]>(p.layers.into()),
         ]
     }
 

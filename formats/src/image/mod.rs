@@ -114,16 +114,27 @@ pub fn load_environment(path: &Path) -> Result<(Environment, Vec<String>), Forma
     Ok((environment, warnings))
 }
 
-/// Writes a film by the ending of `path`: `.exr` as [`write_exr`], `.png` as [`write_png`] with the default
-/// [`ToneMap`].
+/// Whether [`write_film`] knows the ending of `path`.
+///
+/// # Errors
+/// Another ending than `.exr` or `.png`.
+pub fn check_ending(path: &Path) -> Result<(), FormatError> {
+    match path.extension().map(|e| e.to_ascii_lowercase()) {
+        Some(e) if e == "exr" || e == "png" => Ok(()),
+        _ => Err(FormatError::unsupported(path, "the ending says the format of a picture; write .exr or .png")),
+    }
+}
+
+/// Writes a film by the ending of `path`: `.exr` as [`write_exr`], `.png` as [`write_png`].
 ///
 /// # Errors
 /// Another ending; a file that cannot be written.
-pub fn write_film(path: &Path, film: &Film, metadata: &[(String, String)]) -> Result<(), FormatError> {
-    match path.extension().map(|e| e.to_ascii_lowercase()) {
-        Some(e) if e == "exr" => write_exr(path, film, metadata),
-        Some(e) if e == "png" => write_png(path, film, ToneMap::default()),
-        _ => Err(FormatError::unsupported(path, "the ending says the format of a picture; write .exr or .png")),
+pub fn write_film(path: &Path, film: &Film, metadata: &[(String, String)], tone: ToneMap) -> Result<(), FormatError> {
+    check_ending(path)?;
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
+        write_exr(path, film, metadata)
+    } else {
+        write_png(path, film, tone)
     }
 }
 

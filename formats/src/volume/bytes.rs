@@ -45,7 +45,7 @@ impl<'a> Reader<'a> {
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
         let left = &self.bytes[self.at..];
         let taken = left.get(..count).ok_or_else(|| {
-            self.fault(format!("the file is cut short: {count} more bytes belong here, {} are left", left.len()))
+            self.fault(format!("the data is cut short: {count} more bytes belong here, {} are left", left.len()))
         })?;
         self.at += count;
         Ok(taken)

@@ -55,9 +55,10 @@ pub(super) fn header(bytes: &[u8]) -> Result<Header, Fault> {
         if line.trim().is_empty() {
             continue;
         }
-        let (key, value) = line
-            .split_once('=')
-            .ok_or_else(|| Fault::at(lines.place(), format!("'{}' is not 'Key = Value'", text::shown(line))))?;
+        let (key, value) = line.split_once('=').ok_or_else(|| {
+            let what = format!("'{}' is not 'Key = Value', and no ElementDataFile stands before it", text::shown(line));
+            Fault::at(lines.place(), what)
+        })?;
         if fields.0.insert(key.trim(), (value.trim(), lines.place())).is_some() {
             return Err(Fault::at(lines.place(), format!("'{}' stands in the header twice", text::shown(key.trim()))));
         }

@@ -60,7 +60,7 @@ pub(super) fn numbers<T: std::str::FromStr>(text: &str) -> Result<Vec<T>, Fault>
     text.split_whitespace().map(number).collect()
 }
 
-/// Text for a message: not the whole of a damaged line.
+/// Text for a message: not the whole of a damaged line, and nothing that moves a terminal's cursor.
 pub(super) fn shown(text: &str) -> String {
-    text.chars().take(60).collect()
+    text.chars().take(60).map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }

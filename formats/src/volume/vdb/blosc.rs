@@ -109,3 +109,70 @@ fn unshuffle(streams: &[u8], value: usize, out: &mut [u8]) {
     }
     out[count * value..].copy_from_slice(&streams[count * value..]);
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    /// Packs `data` by zlib in blocks of `block` bytes, shuffled over values of `value` bytes.
+    fn pack(data: &[u8], block: usize, value: usize, split: bool) -> Vec<u8> {
+        let flags = 3 << 5 | SHUFFLED | if split { 0 } else { NOT_SPLIT };
+        let mut head = vec![2, 1, flags, value as u8];
+        for n in [data.len(), block, 0] {
+            head.extend((n as u32).to_le_bytes());
+        }
+        let starts = head.len() + 4 * data.len().div_ceil(block);
+        let mut body = Vec::new();
+        for bytes in data.chunks(block) {
+            head.extend(((starts + body.len()) as u32).to_le_bytes());
+            let mut streams = Vec::new();
+            (0..value).for_each(|j| streams.extend(bytes.chunks_exact(value).map(|v| v[j])));
+            streams.extend(&bytes[streams.len()..]);
+            let parts = if split && bytes.len() == block { value } else { 1 };
+            for stream in streams.chunks(bytes.len() / parts) {
+                let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+                encoder.write_all(stream).unwrap();
+                let mut packed = encoder.finish().unwrap();
+                if packed.len() >= stream.len() {
+                    packed = stream.to_vec();
+                }
+                body.extend((packed.len() as u32).to_le_bytes());
+                body.extend(packed);
+            }
+        }
+        [head, body].concat()
+    }
+
+    #[test]
+    fn blocks_splits_and_what_is_left_over() {
+        // Not a whole number of blocks, nor of values.
+        let data: Vec<u8> = (0..4099u32).map(|n| (n * n / 7) as u8).collect();
+        for (block, value, split) in [(1024, 4, true), (1024, 4, false), (512, 4, true), (4099, 3, false)] {
+            let packed = pack(&data, block, value, split);
+            let mut out = Vec::new();
+            unpack(&packed, data.len(), &mut out).unwrap();
+            assert!(out == data, "blocks of {block}, values of {value}, split: {split}");
+            for cut in 0..packed.len() {
+                unpack(&packed[..cut], data.len(), &mut out).unwrap_err();
+            }
+        }
+    }
+
+    #[test]
+    fn stored_and_padded_bytes_and_codecs_that_are_not_read() {
+        let data: Vec<u8> = (0..128).collect();
+        let mut stored = vec![2, 1, STORED, 4, 128, 0, 0, 0, 128, 0, 0, 0, 144, 0, 0, 0];
+        stored.extend(&data);
+        let mut out = Vec::new();
+        for (wanted, well) in [(128, true), (127, true), (49, true), (48, false), (129, false)] {
+            assert_eq!(unpack(&stored, wanted, &mut out).is_ok(), well, "{wanted}");
+            assert!(!well || out == data[..wanted]);
+        }
+        let mut other = pack(&[0; 1024], 1024, 4, true);
+        other[2] = other[2] & 31 | 4 << 5;
+        let fault = unpack(&other, 1024, &mut out).unwrap_err().text();
+        assert!(fault.contains("Zstandard"), "{fault}");
+    }
+}

@@ -9,12 +9,14 @@ mod tree;
 mod write;
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use airlight_core::media::{Grid, IndexBox, Storage};
 use glam::{DAffine3, IVec3, UVec3};
 
 use super::bytes::Reader;
 use super::fault::Fault;
+use super::text::shown;
 use super::{GridInfo, Volume, choose};
 use codec::Codec;
 use tree::{Extent, Tree};
@@ -58,7 +60,8 @@ struct Descriptor {
     tree_type: String,
     /// The grid whose tree this one shares.
     parent: Option<String>,
-    start: i64,
+    /// Where the grid is in the file. Grids do not overlap, so that all of them take no longer than the file.
+    range: Range<usize>,
 }
 
 /// What stands before a grid's tree.
@@ -74,10 +77,10 @@ struct Head {
 }
 
 /// A name as users see and give it.
-fn shown(unique: &str) -> String {
+fn name(unique: &str) -> String {
     match unique.split_once(NAME_SEPARATOR) {
-        Some((name, number)) => format!("{name}[{number}]"),
-        None => unique.into(),
+        Some((name, number)) => format!("{}[{}]", shown(name), shown(number)),
+        None => shown(unique),
     }
 }
 
@@ -131,11 +134,20 @@ impl<'a> Archive<'a> {
         let name = r.string()?;
         let tree_type = r.string()?;
         let parent = r.string()?;
-        let (start, _, end) = (r.i64()?, r.i64()?, r.i64()?);
+        let offsets = (r.i64()?, r.i64()?, r.i64()?);
         let parent = (!parent.is_empty()).then_some(parent);
+        let next = r.at();
         // In a file that was written as a stream the offsets are empty and the grid follows here.
-        let start = if has_offsets { start } else { r.at() as i64 };
-        self.grids.push(Descriptor { name, tree_type, parent, start });
+        let (start, end) = if has_offsets { (offsets.0, offsets.2) } else { (next as i64, self.bytes.len() as i64) };
+        if start < next as i64 || end < start {
+            return Err(Fault::new(format!(
+                "the offsets of '{}' are {start} to {end}; a grid lies after its entry in the list, at byte {next}",
+                self::name(&name)
+            )));
+        }
+        // What lies past the end of a file that is cut is missed when it is read.
+        let inside = |offset: i64| usize::try_from(offset).unwrap_or(usize::MAX).min(self.bytes.len());
+        self.grids.push(Descriptor { name, tree_type, parent, range: inside(start)..inside(end) });
         Ok(has_offsets.then_some(end))
     }
 
@@ -151,7 +163,7 @@ impl<'a> Archive<'a> {
     }
 
     fn head(&self, grid: &Descriptor) -> Result<Head, Fault> {
-        let mut r = Reader::starting_at(self.bytes, grid.start)?;
+        let mut r = Reader::starting_at(&self.bytes[..grid.range.end], grid.range.start as i64)?;
         let compression = if self.version >= NODE_MASK_VERSION { r.u32()? } else { self.compression };
         if compression & !(ZIP | ACTIVE_MASK | BLOSC) != 0 {
             return Err(Fault::Unsupported(format!(
@@ -170,27 +182,27 @@ impl<'a> Archive<'a> {
         if grid.tree_type.strip_suffix(HALF_SUFFIX).unwrap_or(&grid.tree_type) == FLOAT_TREE {
             return Ok(());
         }
-        Err(Fault::Unsupported(format!("is of type {}; airlight reads {FLOAT_TREE}", grid.tree_type)))
+        Err(Fault::Unsupported(format!("is of type {}; airlight reads {FLOAT_TREE}", shown(&grid.tree_type))))
     }
 
+    /// The tree that stands in the grid's own range.
     fn tree(&self, grid: &Descriptor, head: &Head, values: bool) -> Result<Tree, Fault> {
         let half = head.half.unwrap_or(grid.tree_type.ends_with(HALF_SUFFIX));
-        let mut r = Reader::starting_at(self.bytes, head.tree as i64)?;
+        let mut r = Reader::starting_at(&self.bytes[..grid.range.end], head.tree as i64)?;
         let mut tree = Tree::new(Codec::new(self.version, head.compression, half));
         tree.read(&mut r, values)?;
         Ok(tree)
     }
 
-    /// The tree of a grid, which may be another grid's.
+    /// The grid that holds the tree of `grid`: itself, or the one that it is an instance of.
+    fn owner<'b>(&'b self, grid: &'b Descriptor) -> Result<&'b Descriptor, Fault> {
+        let Some(parent) = &grid.parent else { return Ok(grid) };
+        let found = self.grids.iter().find(|other| other.name == *parent && other.parent.is_none());
+        found.ok_or_else(|| Fault::new(format!("shares the tree of '{}', which is not there", name(parent))))
+    }
+
     fn tree_of(&self, grid: &Descriptor, values: bool) -> Result<Tree, Fault> {
-        let owner = match &grid.parent {
-            None => grid,
-            Some(parent) => self
-                .grids
-                .iter()
-                .find(|other| other.name == *parent && other.parent.is_none())
-                .ok_or_else(|| Fault::new(format!("shares the tree of '{}', which is not there", shown(parent))))?,
-        };
+        let owner = self.owner(grid)?;
         self.float_tree(owner)?;
         self.tree(owner, &self.head(owner)?, values)
     }
@@ -201,12 +213,12 @@ impl<'a> Archive<'a> {
         let kind = grid.tree_type.strip_suffix(HALF_SUFFIX).unwrap_or(&grid.tree_type);
         let value_type = match kind.strip_prefix("Tree_").and_then(|t| t.split('_').next()) {
             Some("float") if half => "half".into(),
-            Some(name) if half => format!("{name} as half"),
-            Some(name) => name.into(),
-            None => kind.into(),
+            Some(name) if half => format!("{} as half", shown(name)),
+            Some(name) => shown(name),
+            None => shown(kind),
         };
         let mut info = GridInfo {
-            name: shown(&grid.name),
+            name: name(&grid.name),
             value_type,
             class: String::new(),
             encoding: String::new(),
@@ -242,7 +254,7 @@ impl<'a> Archive<'a> {
             }
         }
         info.index_to_world = head.map.ok();
-        info.class = head.class;
+        info.class = shown(&head.class);
         info
     }
 }
@@ -262,18 +274,29 @@ fn bounds(active: Option<Extent>) -> Result<IndexBox, Fault> {
 /// What the file holds, with the bounds of its usable grids.
 pub(super) fn inspect(bytes: &[u8]) -> Result<Vec<GridInfo>, Fault> {
     let archive = Archive::new(bytes)?;
-    let look = |grid: &Descriptor| {
+    // Instances share a tree, which is looked at once.
+    let mut known: HashMap<usize, Result<(IndexBox, u64), String>> = HashMap::new();
+    let mut infos = Vec::new();
+    for grid in &archive.grids {
         let mut info = archive.info(grid);
         if info.usable.is_ok() {
-            let tree = archive.tree_of(grid, false);
-            match tree.and_then(|tree| Ok((bounds(tree.active)?, tree.active_voxels))) {
+            let look = || {
+                let tree = archive.tree_of(grid, false)?;
+                Ok((bounds(tree.active)?, tree.active_voxels))
+            };
+            let told = |fault: Fault| format!("cannot be read: {}", fault.text());
+            let found = match archive.owner(grid) {
+                Ok(owner) => known.entry(owner.range.start).or_insert_with(|| look().map_err(told)).clone(),
+                Err(fault) => Err(told(fault)),
+            };
+            match found {
                 Ok((bounds, voxels)) => (info.bounds, info.active_voxels) = (Some(bounds), Some(voxels)),
-                Err(fault) => info.usable = Err(format!("cannot be read: {}", fault.text())),
+                Err(why) => info.usable = Err(why),
             }
         }
-        info
-    };
-    Ok(archive.grids.iter().map(look).collect())
+        infos.push(info);
+    }
+    Ok(infos)
 }
 
 /// Reads one grid.

@@ -4,6 +4,7 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use super::super::bytes::Reader;
 use super::super::fault::Fault;
+use super::super::text::shown;
 
 fn vec3(r: &mut Reader<'_>) -> Result<DVec3, Fault> {
     Ok(DVec3::new(r.f64()?, r.f64()?, r.f64()?))
@@ -44,7 +45,7 @@ pub(super) fn read(r: &mut Reader<'_>) -> Result<DAffine3, Fault> {
                     .into(),
             ));
         }
-        other => return Err(Fault::Unsupported(format!("has a transform of unknown type '{other}'"))),
+        other => return Err(Fault::Unsupported(format!("has a transform of unknown type '{}'", shown(other)))),
     };
     let m = map.matrix3;
     let volume = m.determinant() / (m.x_axis.length() * m.y_axis.length() * m.z_axis.length());

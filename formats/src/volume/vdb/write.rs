@@ -245,7 +245,7 @@ impl Tree {
                     for y in 0..count.y as i32 {
                         for x in 0..count.x as i32 {
                             let value = |p: IVec3| {
-                                let q = (p - min).as_i64vec3();
+                                let q = p.as_i64vec3() - min.as_i64vec3();
                                 let at = (q.z * i64::from(dims.y) + q.y) * i64::from(dims.x) + q.x;
                                 if inside(p) { values[at as usize] } else { background }
                             };

@@ -1,9 +1,7 @@
 //! The reference density in every format that it exists in.
 
-mod common;
-
+use crate::common::{dense, reference};
 use airlight_formats::volume::{self, Format};
-use common::{dense, reference};
 use glam::{DVec3, IVec3, UVec3};
 use serde_json::Value;
 

@@ -1,10 +1,8 @@
 //! OpenVDB files of its own library, and files that it would not write.
 
-mod common;
-
+use crate::common::{at, dense, fixture, message, parse};
 use airlight_core::media::{Grid, IndexBox, Storage};
 use airlight_formats::volume::{self, GridInfo};
-use common::{at, dense, fixture, message, parse};
 use glam::{DVec3, IVec3, UVec3};
 
 fn grid(file: &str, name: Option<&str>) -> Grid {
@@ -125,8 +123,8 @@ fn a_grid_is_chosen_by_name_or_because_it_is_the_only_one() {
         infos("several.vdb").into_iter().map(|g| (g.name, g.value_type, g.class, g.usable.is_ok())).collect();
     let entry = |name: &str, kind: &str, class: &str, usable| (name.into(), kind.into(), class.into(), usable);
     for truth in [
-        entry("velocity", "vec3s", "unknown", false),
-        entry("mask", "bool", "unknown", false),
+        entry("velocity", "vec3s", "", false),
+        entry("mask", "bool", "", false),
         entry("temperature", "float", "unknown", true),
         entry("density", "float", "fog volume", true),
         entry("twin[0]", "float", "fog volume", true),
@@ -209,7 +207,7 @@ fn old_file(version: u32, zipped: bool, buffers: u8) -> Vec<u8> {
     string(&mut out, "Tree_float_5_4_3");
     string(&mut out, "");
     let start = out.len() as i64 + 24;
-    [start, 0, 0].iter().for_each(|n| out.extend(n.to_le_bytes()));
+    [start, start, i64::MAX].iter().for_each(|n| out.extend(n.to_le_bytes()));
     out.extend([0; 4]);
     string(&mut out, "TranslationMap");
     [1.0, 2.0, 3.0].iter().for_each(|x: &f64| out.extend(x.to_le_bytes()));
@@ -254,9 +252,29 @@ fn files_of_versions_before_222_are_read() {
 
 #[test]
 fn wrong_offsets_are_told_with_the_grid() {
-    let mut bytes = std::fs::read(fixture("affine.vdb")).unwrap();
+    let bytes = std::fs::read(fixture("affine.vdb")).unwrap();
     let at = bytes.windows(16).position(|w| w == b"Tree_float_5_4_3").unwrap() + 16 + 4;
-    bytes[at..at + 8].copy_from_slice(&(1i64 << 40).to_le_bytes());
-    let error = message(parse("wrong.vdb", &bytes));
-    assert!(error.contains("wrong.vdb") && error.contains("'density'") && error.contains("1099511627776"), "{error}");
+    let with = |offset: usize, value: i64| {
+        let mut bytes = bytes.clone();
+        bytes[at + offset..][..8].copy_from_slice(&value.to_le_bytes());
+        message(parse("wrong.vdb", &bytes))
+    };
+    for (offset, value) in [(0, 1i64 << 40), (0, -1), (16, 0), (16, i64::MIN)] {
+        let error = with(offset, value);
+        assert!(error.contains("wrong.vdb: grid 1 of 1: the offsets of 'density'"), "{error}");
+        assert!(error.contains(&value.to_string()), "{error}");
+    }
+    // One byte of the grid is missing.
+    let error = with(16, bytes.len() as i64 - 1);
+    assert!(error.contains("grid 'density'") && error.contains("cut short"), "{error}");
+}
+
+#[test]
+fn a_list_that_leads_back_to_itself_ends() {
+    let mut bytes = std::fs::read(fixture("affine.vdb")).unwrap();
+    let entry = bytes.windows(11).position(|w| w == b"\x07\0\0\0density").unwrap();
+    let at = entry + 11 + 4 + 16 + 4;
+    bytes[at + 16..][..8].copy_from_slice(&(entry as i64).to_le_bytes());
+    bytes[entry - 4..entry].copy_from_slice(&u32::MAX.to_le_bytes());
+    assert!(message(parse("loop.vdb", &bytes)).contains("after its entry"));
 }

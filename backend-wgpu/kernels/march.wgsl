@@ -1,0 +1,244 @@
+// `march`: view rays through the medium. One workgroup a block of BLOCK×BLOCK pixels.
+
+@group(1) @binding(3) var<storage, read> occupancy: array<vec2<f32>>;
+@group(1) @binding(4) var<storage, read> lights: array<LightRecord>;
+@group(1) @binding(5) var<storage, read> tables: array<f32>;
+@group(1) @binding(6) var<storage, read> environment: array<vec4<f32>>;
+@group(1) @binding(7) var<storage, read> surface: array<vec4<f32>>;
+@group(1) @binding(8) var<storage, read_write> film: array<vec4<f32>>;
+
+fn phase_value(i: u32) -> f32 {
+    return tables[params.phase_at + i];
+}
+
+fn phase_size() -> u32 {
+    return params.phase_size;
+}
+
+fn harmonics_value(i: u32) -> f32 {
+    return tables[params.harmonics_at + i];
+}
+
+// One view ray.
+struct Path {
+    direction: vec3<f32>,
+    ray: Ray,
+    radiance: vec3<f32>,
+    transmittance: vec3<f32>,
+    // Light stopped so far, and the same weighed with its distance.
+    stopped: f32,
+    stopped_at: f32,
+}
+
+@compute @workgroup_size(BLOCK, BLOCK)
+fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lane: vec3<u32>) {
+    let n = number(id);
+    if n >= launch.count {
+        return;
+    }
+    let block = launch.start + n;
+    let across = (params.width + BLOCK - 1u) / BLOCK;
+    let x = block % across * BLOCK + lane.x;
+    let y = block / across * BLOCK + lane.y;
+    if x >= params.width || y >= params.height {
+        return;
+    }
+    // The film and the surfaces are bound from a row of blocks on.
+    let pixel = (y - launch.first * BLOCK) * params.width + x;
+    var limit = FAR;
+    if has_surface {
+        limit = min(surface[pixel].w, FAR);
+    }
+    var color = vec3<f32>(0.0);
+    var transmitted = vec3<f32>(0.0);
+    var stopped = 0.0;
+    var stopped_at = 0.0;
+    for (var s = 0u; s < params.samples; s++) {
+        let a = (f32(x) + tables[2u * s]) * (2.0 / f32(params.width)) - 1.0;
+        let b = 1.0 - (f32(y) + tables[2u * s + 1u]) * (2.0 / f32(params.height));
+        let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
+        let direction = toward / length(toward);
+        let path = walk(direction, limit);
+        var behind = vec3<f32>(0.0);
+        if limit < FAR {
+            behind = surface[pixel].xyz;
+        } else if has_environment {
+            behind = sky(direction);
+        }
+        color += path.radiance + path.transmittance * behind;
+        transmitted += path.transmittance;
+        stopped += path.stopped;
+        stopped_at += path.stopped_at;
+    }
+    let scale = 1.0 / f32(params.samples);
+    let mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0);
+    var depth = launch.infinity;
+    if stopped > 0.0 {
+        depth = stopped_at / stopped;
+    }
+    film[2u * pixel] = vec4<f32>(color * scale, 1.0 - mean);
+    film[2u * pixel + 1u] = vec4<f32>(transmitted * scale, depth);
+}
+
+fn walk(direction: vec3<f32>, limit: f32) -> Path {
+    let size = vec3<i32>(params.dims.xyz);
+    let ray = through(params.eye.xyz, to_index(direction), vec3<f32>(params.dims.xyz), limit, params.step);
+    var path = Path(direction, ray, vec3<f32>(0.0), vec3<f32>(1.0), 0.0, 0.0);
+    // Y_k of the direction, where the in-scatter has layers.
+    var basis: array<f32, HARMONICS_MAX>;
+    if params.cells.w > 1u {
+        harmonics(direction, params.bands, &basis);
+    }
+    let emits = params.emission.x + params.emission.y + params.emission.z > 0.0;
+    let scatters = params.albedo.x + params.albedo.y + params.albedo.z > 0.0;
+    let grid = blocks();
+    var k = 0.0;
+    while k < ray.steps {
+        let transmittance = path.transmittance;
+        if max(max(transmittance.x, transmittance.y), transmittance.z) < params.cut {
+            break;
+        }
+        let t = middle(ray, k);
+        if has_occupancy {
+            let next = skip(ray, t, k, grid);
+            if next >= 0.0 {
+                k = next;
+                continue;
+            }
+        }
+        let at = along(ray, t);
+        let density = sample_density(at, size, 0);
+        var source = 0.0;
+        if emits {
+            source = density;
+            if has_emission_density {
+                source = sample_emission_density(at, size, 0);
+            }
+        }
+        var light = vec3<f32>(0.0);
+        if scatters && density > 0.0 {
+            light = gathered(at, &basis) + direct(at, direction, t);
+        }
+        var share = 0.0;
+        for (var c = 0u; c < 3u; c++) {
+            let extinction = density * params.extinction[c];
+            let piece = segment(extinction * ray.step);
+            let sent = extinction * params.albedo[c] * light[c] + source * params.emission[c];
+            path.radiance[c] += transmittance[c] * ray.step * piece.y * sent;
+            share += transmittance[c] * (extinction * ray.step * piece.y);
+            path.transmittance[c] = transmittance[c] * piece.x;
+        }
+        path.stopped += share;
+        path.stopped_at += share * t;
+        k += 1.0;
+    }
+    return path;
+}
+
+// Blocks of the occupancy along x, y, z and their side; side 0 where there is none.
+fn blocks() -> vec4<u32> {
+    if has_occupancy {
+        return params.occupancy_cells;
+    }
+    return vec4<u32>(0u);
+}
+
+// J from the field of in-scattered radiance.
+fn gathered(at: vec3<f32>, basis: ptr<function, array<f32, HARMONICS_MAX>>) -> vec3<f32> {
+    if !has_in_scatter {
+        return vec3<f32>(0.0);
+    }
+    let place = (at + 0.5) * params.cells_per_voxel.xyz - 0.5;
+    if params.cells.w == 1u {
+        return in_scatter_at(place, 0u);
+    }
+    var sum = vec3<f32>(0.0);
+    for (var k = 0u; k < params.cells.w; k++) {
+        sum += (*basis)[k] * in_scatter_at(place, k);
+    }
+    return sum;
+}
+
+fn in_scatter_at(place: vec3<f32>, layer: u32) -> vec3<f32> {
+    let size = vec3<i32>(params.cells.xyz);
+    if params.trilinear == 1u {
+        return sample_in_scatter(place, size, i32(layer)).xyz;
+    }
+    return nearest_in_scatter(place, size, i32(layer)).xyz;
+}
+
+// J from each light.
+fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var i = 0u; i < params.lights; i++) {
+        let record = lights[i];
+        let light = incident(record, direction, t);
+        if light.falloff <= 0.0 {
+            continue;
+        }
+        let scale = phase(dot(light.toward, direction)) * light.falloff;
+        var transmittance = vec3<f32>(1.0);
+        if params.shadow == SHADOW_MARCH {
+            let size = vec3<f32>(params.dims.xyz);
+            let ray = through(at, to_index(light.toward), size, light.distance, params.step);
+            transmittance = exp(-column(ray, blocks()) * params.extinction.xyz);
+        }
+        sum += scale * transmittance * record.power.xyz;
+    }
+    return sum;
+}
+
+// A direction of the world in voxels per metre.
+fn to_index(d: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(d, params.index_x.xyz), dot(d, params.index_y.xyz), dot(d, params.index_z.xyz));
+}
+
+struct Incident {
+    // Unit direction toward the light.
+    toward: vec3<f32>,
+    // Distance to it, metres.
+    distance: f32,
+    // What falloff and cone leave of its power.
+    falloff: f32,
+}
+
+// The light `t` metres along the view ray.
+fn incident(light: LightRecord, d: vec3<f32>, t: f32) -> Incident {
+    if light.position.w == 0.0 {
+        return Incident(light.position.xyz, FAR, 1.0);
+    }
+    let v = light.position.xyz - t * d;
+    let square = dot(v, v);
+    let distance = sqrt(square);
+    let toward = v / max(distance, 1.2e-38);
+    var falloff = 1.0 / max(square, params.light_floor);
+    if light.cone.z == 1.0 {
+        // A cone without a rim is a step at the cutoff.
+        let rim = max(light.cone.y - light.cone.x, 1e-6);
+        let angle = angle_of_cosine(dot(-light.axis.xyz, toward));
+        falloff *= clamp((light.cone.y - angle) / rim, 0.0, 1.0);
+    }
+    return Incident(toward, distance, falloff);
+}
+
+// The environment's radiance from `d`.
+fn sky(d: vec3<f32>) -> vec3<f32> {
+    let width = i32(params.environment_width);
+    let height = i32(params.environment_height);
+    let u = angle(d.x, -d.z) / (2.0 * PI) + params.environment.w;
+    let x = (u - floor(u)) * f32(width) - 0.5;
+    let y = angle_of_cosine(d.y) / PI * f32(height) - 0.5;
+    let i = i32(floor(x));
+    let j = i32(floor(y));
+    let above = sky_row(i, j, x - floor(x));
+    let below = sky_row(i, j + 1, x - floor(x));
+    return (above + (below - above) * (y - floor(y))) * params.environment.xyz;
+}
+
+fn sky_row(i: i32, j: i32, f: f32) -> vec3<f32> {
+    let width = i32(params.environment_width);
+    let row = clamp(j, 0, i32(params.environment_height) - 1) * width;
+    let a = environment[row + (i + width) % width].xyz;
+    let b = environment[row + (i + 1) % width].xyz;
+    return a + (b - a) * f;
+}

@@ -1,0 +1,45 @@
+// `relight`: in-scattered radiance from records and light. One invocation a cell.
+
+@group(1) @binding(0) var<storage, read> records: array<f32>;
+@group(1) @binding(1) var<storage, read> emission_records: array<f32>;
+@group(1) @binding(2) var<storage, read> light: array<vec4<f32>>;
+@group(1) @binding(3) var<storage, read_write> in_scatter: array<vec4<f32>>;
+
+@compute @workgroup_size(64)
+fn relight(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = number(id) * 64u + lane;
+    if n >= launch.count {
+        return;
+    }
+    let cell = launch.start + n - launch.first;
+    for (var layer = 0u; layer < params.layers; layer++) {
+        var sum = vec3<f32>(0.0);
+        if params.layers == 1u {
+            for (var k = 0u; k < params.coefficients; k++) {
+                sum += light[k].xyz * record(cell, k);
+            }
+            sum += params.emission_weight * glow(cell, 0u);
+        } else {
+            sum = light[layer].xyz * (record(cell, layer) + glow(cell, layer));
+        }
+        in_scatter[cell * params.layers + layer] = vec4<f32>(sum, 0.0);
+    }
+}
+
+// Coefficient `k` of a cell's record; a record of one channel serves all three.
+fn record(cell: u32, k: u32) -> vec3<f32> {
+    let at = (cell * params.coefficients + k) * params.channels;
+    if params.channels == 1u {
+        return vec3<f32>(records[at]);
+    }
+    return vec3<f32>(records[at], records[at + 1u], records[at + 2u]);
+}
+
+// Coefficient `k` of the emission's moments.
+fn glow(cell: u32, k: u32) -> vec3<f32> {
+    if params.emission_coefficients == 0u {
+        return vec3<f32>(0.0);
+    }
+    let at = (cell * params.emission_coefficients + k) * 3u;
+    return vec3<f32>(emission_records[at], emission_records[at + 1u], emission_records[at + 2u]);
+}

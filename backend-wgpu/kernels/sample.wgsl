@@ -1,0 +1,83 @@
+// Rays through the box of the medium.
+
+// Beyond every distance in a scene, and finite: WGSL does not promise infinities.
+const FAR: f32 = 3.0e38;
+
+// A ray in index space, cut into equal steps.
+struct Ray {
+    // Origin in index space.
+    origin: vec3<f32>,
+    // Direction in voxels per metre.
+    direction: vec3<f32>,
+    // Metres along the ray where the first step begins.
+    start: f32,
+    // Length of a step, metres; zero where there is none.
+    step: f32,
+    // Number of steps.
+    steps: f32,
+}
+
+// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k + 1/2)
+// steps. `blocks`: blocks along x, y, z and their side in voxels.
+fn skip(ray: Ray, t: f32, k: f32, blocks: vec4<u32>) -> f32 {
+    let side = f32(blocks.w);
+    let at = ray.origin + t * ray.direction;
+    let block = clamp(floor((at + 0.5) / side), vec3<f32>(0.0), vec3<f32>(blocks.xyz - 1u));
+    let cell = vec3<u32>(block);
+    if occupancy[(cell.z * blocks.y + cell.y) * blocks.x + cell.x].y > 0.0 {
+        return -1.0;
+    }
+    let wall = select(block * side - 0.5, (block + 1.0) * side - 0.5, ray.direction > vec3<f32>(0.0));
+    let leave = (wall - ray.origin) / ray.direction;
+    let exit = min(min(leave.x, leave.y), leave.z);
+    // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
+    let beyond = floor((exit - ray.start) / ray.step - 0.5);
+    return max(beyond, k + 1.0);
+}
+
+// The ray from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
+// steps.
+fn through(origin: vec3<f32>, direction: vec3<f32>, size: vec3<f32>, limit: f32, longest: f32) -> Ray {
+    // A ray along a wall: far enough from parallel that the quotients below are numbers.
+    let d = select(direction, vec3<f32>(1e-20), abs(direction) < vec3<f32>(1e-20));
+    let lower = (vec3<f32>(-0.5) - origin) / d;
+    let upper = (size - 0.5 - origin) / d;
+    let first = min(lower, upper);
+    let last = max(lower, upper);
+    let near = max(max(first.x, first.y), max(first.z, 0.0));
+    let far = min(min(last.x, last.y), min(last.z, limit));
+    let length = max(far - near, 0.0);
+    let steps = ceil(length / longest);
+    let step = select(0.0, length / max(steps, 1.0), steps > 0.0);
+    return Ray(origin, d, near, step, steps);
+}
+
+// The point `t` metres along.
+fn along(ray: Ray, t: f32) -> vec3<f32> {
+    return ray.origin + t * ray.direction;
+}
+
+// The middle of step `k`, in metres along.
+fn middle(ray: Ray, k: f32) -> f32 {
+    return ray.start + ray.step * (k + 0.5);
+}
+
+// The column of density along the ray, in units of density times metres. `blocks` as in `skip`, of side 0 for none.
+fn column(ray: Ray, blocks: vec4<u32>) -> f32 {
+    let size = vec3<i32>(params.dims.xyz);
+    var sum = 0.0;
+    var k = 0.0;
+    while k < ray.steps {
+        let t = middle(ray, k);
+        if blocks.w > 0u {
+            let next = skip(ray, t, k, blocks);
+            if next >= 0.0 {
+                k = next;
+                continue;
+            }
+        }
+        sum += sample_density(along(ray, t), size, 0);
+        k += 1.0;
+    }
+    return sum * ray.step;
+}

@@ -1,0 +1,30 @@
+//! The GPU device of airlight: every stage in WGSL, on wgpu and Vulkan.
+//!
+//! Buffers are storage buffers; fields are 3-D textures of 32-bit floats that kernels load and interpolate themselves,
+//! because a texture unit's weights have 8 bits. What exceeds the adapter's limits is cut: fields into slabs of
+//! slices, each a texture, and dispatches into pieces whose part of every buffer fits a binding.
+
+mod adapter;
+mod clock;
+mod cut;
+mod device;
+mod gpu;
+mod launch;
+mod memory;
+mod pipeline;
+mod source;
+mod store;
+
+pub use device::WgpuDevice;
+
+use airlight_core::device::Provider;
+
+/// The backend, for a runtime to gather.
+pub const PROVIDER: Provider = Provider {
+    name: "wgpu",
+    enumerate: adapter::enumerate,
+    open: |index| adapter::open(index).map(|device| Box::new(device) as _),
+};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,126 @@
+//! Kernels built for the device.
+
+use std::fmt::Write as _;
+
+use airlight_core::device::DeviceError;
+use wgpu::{
+    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, ShaderModule, ShaderStages,
+    StorageTextureAccess, TextureFormat, TextureSampleType, TextureViewDimension,
+};
+
+use crate::gpu::Gpu;
+use crate::source::{Shape, ShapeKind, Text, slab_binding};
+
+/// A kernel built for bindings of one shape.
+#[derive(Debug)]
+pub(crate) struct Pipeline {
+    pub(crate) compute: ComputePipeline,
+    /// Parameters, buffers and textures; the last are left out where there are none.
+    pub(crate) layouts: Vec<BindGroupLayout>,
+}
+
+fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+    BindGroupLayoutEntry { binding, visibility: ShaderStages::COMPUTE, ty, count: None }
+}
+
+fn buffer(ty: BufferBindingType) -> BindingType {
+    BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+/// The buffers and textures of a stage's bindings.
+fn entries(shapes: &[Shape]) -> [Vec<BindGroupLayoutEntry>; 2] {
+    let (mut buffers, mut textures) = (Vec::new(), Vec::new());
+    for (index, shape) in shapes.iter().enumerate() {
+        match shape.kind {
+            ShapeKind::Read | ShapeKind::Write => {
+                let read_only = shape.kind == ShapeKind::Read;
+                buffers.push(entry(index as u32, buffer(BufferBindingType::Storage { read_only })));
+            }
+            ShapeKind::Field { slabs, .. } => {
+                let ty = BindingType::Texture {
+                    // Kernels load texels, and 32-bit floats need not be filterable.
+                    sample_type: TextureSampleType::Float { filterable: false },
+                    view_dimension: TextureViewDimension::D3,
+                    multisampled: false,
+                };
+                textures.extend((0..slabs).map(|slab| entry(slab_binding(index, slab), ty)));
+            }
+        }
+    }
+    [buffers, textures]
+}
+
+impl Pipeline {
+    /// Builds a stage's kernel.
+    pub(crate) fn of_stage(gpu: &Gpu, name: &str, text: &Text, shapes: &[Shape]) -> Result<Self, DeviceError> {
+        Self::build(gpu, name, text, entries(shapes))
+    }
+
+    /// Builds the kernel that publishes a buffer as a slab of a field.
+    pub(crate) fn of_publish(gpu: &Gpu, text: &Text, format: TextureFormat) -> Result<Self, DeviceError> {
+        let slab = BindingType::StorageTexture {
+            access: StorageTextureAccess::WriteOnly,
+            format,
+            view_dimension: TextureViewDimension::D3,
+        };
+        let source = entry(0, buffer(BufferBindingType::Storage { read_only: true }));
+        Self::build(gpu, "publish", text, [vec![source], vec![entry(0, slab)]])
+    }
+
+    fn build(
+        gpu: &Gpu,
+        name: &str,
+        text: &Text,
+        [buffers, textures]: [Vec<BindGroupLayoutEntry>; 2],
+    ) -> Result<Self, DeviceError> {
+        let module = compile(gpu, name, text)?;
+        let uniform = buffer(BufferBindingType::Uniform);
+        let mut groups = vec![vec![entry(0, uniform), entry(1, uniform)], buffers];
+        groups.extend(Some(textures).filter(|textures| !textures.is_empty()));
+        gpu.guarded(0, || {
+            let layouts: Vec<_> = groups
+                .iter()
+                .map(|entries| {
+                    let description = wgpu::BindGroupLayoutDescriptor { label: Some(name), entries };
+                    gpu.device.create_bind_group_layout(&description)
+                })
+                .collect();
+            let all: Vec<_> = layouts.iter().map(Some).collect();
+            let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(name),
+                bind_group_layouts: &all,
+                immediate_size: 0,
+            });
+            let compute = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: Default::default(),
+                cache: None,
+            });
+            Self { compute, layouts }
+        })
+    }
+}
+
+/// Compiles a kernel's text; faults name their file and line.
+pub(crate) fn compile(gpu: &Gpu, name: &str, text: &Text) -> Result<ShaderModule, DeviceError> {
+    let source = wgpu::ShaderSource::Wgsl(text.wgsl.as_str().into());
+    let mut said = String::new();
+    let module = gpu.guarded(0, || {
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source });
+        for message in pollster::block_on(module.get_compilation_info()).messages {
+            if message.message_type == wgpu::CompilationMessageType::Error {
+                let (file, line) = text.place(message.location.map_or(0, |at| at.line_number as usize));
+                // Writing to a String cannot fail.
+                let _ = write!(said, "kernels/{file}:{line}: {}", message.message.trim());
+            }
+        }
+        module
+    });
+    match module {
+        Err(DeviceError::Backend(_)) if !said.is_empty() => Err(DeviceError::Backend(said)),
+        other => other,
+    }
+}

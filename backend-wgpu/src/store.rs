@@ -1,0 +1,161 @@
+//! The resources of a device, and what of them a stage binds.
+
+use std::collections::HashMap;
+
+use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, FieldSpec, Limits, ResourceId};
+use wgpu::{Buffer, BufferUsages, TextureView};
+
+use crate::gpu::Gpu;
+use crate::memory::{Memory, Resource, Volume};
+use crate::source::{Shape, slab_binding};
+
+/// The resources under their ids, and what stands where a stage runs without one.
+#[derive(Debug)]
+pub(crate) struct Store {
+    resources: HashMap<ResourceId, Resource>,
+    dummies: Dummies,
+}
+
+#[derive(Debug)]
+struct Dummies {
+    read: Buffer,
+    /// A part for each binding of a stage, so that no two that are written overlap.
+    write: Buffer,
+    scalar: Volume,
+    rgba: Volume,
+}
+
+/// Bytes of a dummy: any offset may be a multiple of it, and no element is larger.
+const DUMMY: u64 = 256;
+/// The most bindings of a stage.
+const BINDINGS: u64 = 32;
+
+/// What a kernel binds: number, buffer, offset and bytes; number and texture.
+#[derive(Debug, Default)]
+pub(crate) struct Bound<'s> {
+    pub(crate) buffers: Vec<(u32, &'s Buffer, u64, u64)>,
+    pub(crate) textures: Vec<(u32, &'s TextureView)>,
+}
+
+impl Store {
+    /// A store without resources.
+    pub(crate) fn new(gpu: &Gpu, limits: &Limits) -> Result<Self, DeviceError> {
+        let volume = |format| Volume::new(gpu, FieldSpec { dims: [1; 3], layers: 1, format }, limits);
+        let dummies = Dummies {
+            read: gpu.buffer("nothing to read", DUMMY, BufferUsages::STORAGE)?,
+            write: gpu.buffer("nothing to write", DUMMY * BINDINGS, BufferUsages::STORAGE)?,
+            scalar: volume(FieldFormat::Scalar)?,
+            rgba: volume(FieldFormat::Rgba)?,
+        };
+        Ok(Self { resources: HashMap::new(), dummies })
+    }
+
+    /// Adds a resource that `make` makes.
+    pub(crate) fn add(
+        &mut self,
+        id: ResourceId,
+        make: impl FnOnce() -> Result<Resource, DeviceError>,
+    ) -> Result<(), DeviceError> {
+        if self.resources.contains_key(&id) {
+            return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
+        }
+        self.resources.insert(id, make()?);
+        Ok(())
+    }
+
+    /// Drops a resource, if it exists. wgpu frees it when no work needs it any more.
+    pub(crate) fn remove(&mut self, id: ResourceId) {
+        self.resources.remove(&id);
+    }
+
+    /// A resource.
+    pub(crate) fn get(&self, id: ResourceId) -> Result<&Resource, DeviceError> {
+        self.resources.get(&id).ok_or_else(|| DeviceError::Invalid(format!("resource {} does not exist", id.0)))
+    }
+
+    /// A buffer.
+    pub(crate) fn buffer(&self, id: ResourceId) -> Result<&Memory, DeviceError> {
+        match self.get(id)? {
+            Resource::Buffer(memory) => Ok(memory),
+            Resource::Field(_) => Err(DeviceError::Invalid(format!("resource {} is a field, not a buffer", id.0))),
+        }
+    }
+
+    /// A field.
+    pub(crate) fn field(&self, id: ResourceId) -> Result<&Volume, DeviceError> {
+        match self.get(id)? {
+            Resource::Field(volume) => Ok(volume),
+            Resource::Buffer(_) => Err(DeviceError::Invalid(format!("resource {} is a buffer, not a field", id.0))),
+        }
+    }
+
+    /// The shapes of a stage's bindings, which decide its kernel.
+    ///
+    /// # Errors
+    /// Resources that are not what the stage takes them for; fields in more slabs than a kernel has textures.
+    pub(crate) fn shapes(&self, bindings: &[Binding], most_textures: u32) -> Result<Vec<Shape>, DeviceError> {
+        let mut textures = 0;
+        let shape = |binding: &Binding| {
+            let mut slabs = 1;
+            match (binding.access, binding.id) {
+                (BindingAccess::Sample(spec), Some(id)) => {
+                    let volume = self.field(id)?;
+                    if volume.spec != spec {
+                        let text = format!("{} is {:?}, not {spec:?}", binding.name, volume.spec);
+                        return Err(DeviceError::Invalid(text));
+                    }
+                    slabs = volume.slabs.count();
+                }
+                (BindingAccess::Read(bytes) | BindingAccess::Write(bytes), Some(id)) => {
+                    let held = self.buffer(id)?.bytes;
+                    if bytes > held {
+                        return Err(DeviceError::Invalid(format!("{} of {bytes} bytes holds {held}", binding.name)));
+                    }
+                }
+                (_, None) => {}
+            }
+            if matches!(binding.access, BindingAccess::Sample(_)) {
+                textures += u64::from(slabs);
+            }
+            Ok(Shape::new(binding, slabs))
+        };
+        let shapes = bindings.iter().map(shape).collect::<Result<_, DeviceError>>()?;
+        if textures > most_textures.into() {
+            let what = "the slabs of all fields of a stage";
+            return Err(DeviceError::Limit { what, requested: textures, limit: most_textures.into() });
+        }
+        Ok(shapes)
+    }
+
+    /// What a stage binds where `window` gives offset and bytes of each buffer.
+    pub(crate) fn bound(
+        &self,
+        bindings: &[Binding],
+        window: impl Fn(&Binding) -> (u64, u64),
+    ) -> Result<Bound<'_>, DeviceError> {
+        let mut bound = Bound::default();
+        for (index, binding) in bindings.iter().enumerate() {
+            let number = index as u32;
+            match (binding.access, binding.id) {
+                (BindingAccess::Sample(spec), id) => {
+                    let volume = match (id, spec.format) {
+                        (Some(id), _) => self.field(id)?,
+                        (None, FieldFormat::Scalar) => &self.dummies.scalar,
+                        (None, FieldFormat::Rgba) => &self.dummies.rgba,
+                    };
+                    let views = volume.textures.iter().zip(0..);
+                    bound.textures.extend(views.map(|((_, view), slab)| (slab_binding(index, slab), view)));
+                }
+                (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) => {
+                    let (offset, bytes) = window(binding);
+                    bound.buffers.push((number, &self.buffer(id)?.buffer, offset, bytes.next_multiple_of(4)));
+                }
+                (BindingAccess::Read(_), None) => bound.buffers.push((number, &self.dummies.read, 0, DUMMY)),
+                (BindingAccess::Write(_), None) => {
+                    bound.buffers.push((number, &self.dummies.write, u64::from(number) * DUMMY, DUMMY));
+                }
+            }
+        }
+        Ok(bound)
+    }
+}

@@ -1,0 +1,291 @@
+//! `airlight info`
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use airlight::glam::{DVec3, UVec3, Vec3};
+use airlight::light::{Environment, Light};
+use airlight::media::{Grid, GridMedium, Lattice, Medium};
+use airlight::scene::Scene;
+use airlight_formats::image::load_environment;
+use airlight_formats::scene::load_scene;
+use airlight_formats::volume;
+use serde_json::{Map, Value, json};
+
+use crate::failure::Failure;
+use crate::output::{number, short};
+use crate::{Done, output};
+
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// A scene (.toml), a volume (.vdb, .nrrd, .nii, .nii.gz, .mhd, .vol) or an environment (.exr, .hdr).
+    file: PathBuf,
+    /// Print JSON (see docs/json.md).
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> Done {
+    let path = &options.file;
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let value = match ending.as_str() {
+        "toml" => scene(path)?,
+        "exr" | "hdr" | "pic" => environment_file(path)?,
+        _ => volume_file(path)?,
+    };
+    if options.json {
+        return output::json(&value);
+    }
+    let mut lines = Vec::new();
+    print(&value, "", &mut lines);
+    lines.iter().try_for_each(|line| output::line(line))
+}
+
+/// One line a value, indented by depth; lists of numbers on one line.
+fn print(value: &Value, indent: &str, lines: &mut Vec<String>) {
+    let Value::Object(map) = value else { return };
+    for (key, value) in map {
+        let key = key.replace('_', " ");
+        match value {
+            Value::Object(_) => {
+                lines.push(format!("{indent}{key}"));
+                print(value, &format!("{indent}  "), lines);
+            }
+            Value::Array(items) if items.iter().any(Value::is_object) => {
+                for (i, item) in items.iter().enumerate() {
+                    lines.push(format!("{indent}{key} {i}"));
+                    print(item, &format!("{indent}  "), lines);
+                }
+            }
+            _ => lines.push(format!("{indent}{key:<22} {}", plain(value))),
+        }
+    }
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(n) if n.is_f64() => short(n.as_f64().unwrap_or(f64::NAN)),
+        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(" "),
+        Value::Null => "-".into(),
+        other => other.to_string(),
+    }
+}
+
+fn scene(path: &Path) -> Result<Value, Failure> {
+    let loaded = load_scene(path, &[])?;
+    let Scene { camera, medium, optics, environment, lights, estimate, quality } = &loaded.scene;
+    let mut field = density(medium.as_ref());
+    let columns = field.remove("largest_column").and_then(|c| serde_json::from_value::<[f64; 3]>(c).ok());
+    if let Some(columns) = columns {
+        // Depth along the box's axes; where extinction has colour, of its densest channel.
+        let depth = columns.map(|c| c * f64::from(optics.extinction.max_element()));
+        field.insert("optical_depth".into(), json!(depth.map(number)));
+    }
+    Ok(json!({
+        "scene": path.display().to_string(),
+        "camera": {
+            "origin": camera.origin.to_array(),
+            "target": camera.target.to_array(),
+            "fov": camera.fov,
+            "size": [camera.width, camera.height],
+            "samples": camera.samples,
+        },
+        "medium": field,
+        "optics": {
+            "extinction": rgb(optics.extinction),
+            "albedo": rgb(optics.albedo),
+            "emission": rgb(optics.emission),
+            "phase": format!("{:?}", PhaseName(&optics.phase)),
+            "mean_cosine": optics.phase.moments(2)[1],
+        },
+        "environment": environment.as_ref().map(environment_values),
+        "light": lights.iter().map(light).collect::<Vec<_>>(),
+        "estimate": {
+            "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
+            "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
+        },
+        "quality": { "step": quality.step, "step_metres": quality.step * medium.voxel() },
+        "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
+        "warnings": loaded.warnings,
+    }))
+}
+
+/// A phase function without the entries of its table.
+struct PhaseName<'a>(&'a airlight::media::Phase);
+
+impl std::fmt::Debug for PhaseName<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            airlight::media::Phase::Table(_) => f.write_str("Table"),
+            other => other.fmt(f),
+        }
+    }
+}
+
+fn rgb(v: Vec3) -> [f64; 3] {
+    // As the scene says it: 0.9, not 0.8999999761581421.
+    v.to_array().map(|c| c.to_string().parse().unwrap_or_else(|_| c.into()))
+}
+
+fn light(light: &Light) -> Value {
+    match light {
+        Light::Directional { to_light, irradiance } => {
+            json!({ "kind": "directional", "to_light": to_light.to_array(), "irradiance": rgb(*irradiance) })
+        }
+        Light::Point { position, intensity } => {
+            json!({ "kind": "point", "position": position.to_array(), "intensity": rgb(*intensity) })
+        }
+        Light::Spot { position, axis, intensity, beam, cutoff } => json!({
+            "kind": "spot",
+            "position": position.to_array(),
+            "axis": axis.to_array(),
+            "intensity": rgb(*intensity),
+            "beam": beam.to_degrees(),
+            "cutoff": cutoff.to_degrees(),
+        }),
+    }
+}
+
+fn environment_file(path: &Path) -> Result<Value, Failure> {
+    let (environment, warnings) = load_environment(path)?;
+    let mut value = json!({ "environment": path.display().to_string(), "warnings": warnings });
+    if let (Value::Object(all), Value::Object(values)) = (&mut value, environment_values(&environment)) {
+        all.extend(values);
+    }
+    Ok(value)
+}
+
+fn environment_values(environment: &Environment) -> Value {
+    let image = environment.image();
+    json!({
+        "size": [image.width, image.height],
+        "scale": rgb(environment.scale),
+        "rotation": environment.rotation,
+        "visible": environment.visible,
+        "mean_radiance": environment.mean_radiance().to_array().map(number),
+        "max_radiance": environment.max_radiance().to_array().map(number),
+    })
+}
+
+fn volume_file(path: &Path) -> Result<Value, Failure> {
+    let file = volume::inspect(path)?;
+    let mut grids = Vec::new();
+    for info in &file.grids {
+        let mut value = json!({
+            "name": info.name,
+            "values": info.value_type,
+            "class": info.class,
+            "encoding": info.encoding,
+            "placed": info.placed,
+        });
+        let Value::Object(map) = &mut value else { continue };
+        if let Some(bounds) = info.bounds {
+            map.insert("first_index".into(), json!(bounds.min.to_array()));
+            map.insert("dims".into(), json!(bounds.dims.to_array()));
+        }
+        if let Some((min, max)) = info.world_bounds() {
+            map.insert("bounds".into(), json!([min.to_array(), max.to_array()]));
+        }
+        map.insert("active_voxels".into(), json!(info.active_voxels));
+        match &info.usable {
+            Ok(()) => map.extend(grid_values(path, &info.name)?),
+            Err(reason) => {
+                map.insert("not_usable".into(), json!(reason));
+            }
+        }
+        grids.push(value);
+    }
+    Ok(json!({ "volume": path.display().to_string(), "format": file.format.name(), "grid": grids }))
+}
+
+/// What the values of a grid are, whether or not they could be densities.
+fn grid_values(path: &Path, name: &str) -> Result<Map<String, Value>, Failure> {
+    let grid = volume::read(path, Some(name))?.grid;
+    let bytes = grid.bytes();
+    let mut values = match GridMedium::new(Arc::new(grid.clone()), None) {
+        Ok(medium) => density(&medium),
+        Err(reason) => {
+            let mut map = raw_range(&grid);
+            map.insert("not_a_density".into(), json!(reason.to_string()));
+            map
+        }
+    };
+    values.remove("dims");
+    values.remove("bounds");
+    values.insert("memory_bytes".into(), json!(bytes));
+    Ok(values)
+}
+
+/// Voxels of the largest grid that is walked one by one: more would take minutes.
+const MAX_WALK: u64 = 1 << 31;
+
+fn raw_range(grid: &Grid) -> Map<String, Value> {
+    let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
+    let fill = |k: u32, out: &mut [f32]| grid.write_slice(grid.bounds(), grid.bounds().min.z + k as i32, out);
+    let walked = slices(grid.bounds().dims, fill, |_, slice| {
+        for &v in slice {
+            (min, max) = (min.min(v), max.max(v));
+        }
+    });
+    let range = if walked { json!([number(min.into()), number(max.into())]) } else { Value::Null };
+    Map::from_iter([("range".to_owned(), range)])
+}
+
+/// Calls `visit` with every slice, unless there are too many voxels to visit.
+fn slices(dims: UVec3, mut fill: impl FnMut(u32, &mut [f32]), mut visit: impl FnMut(u32, &[f32])) -> bool {
+    let plane = u64::from(dims.x) * u64::from(dims.y);
+    if plane * u64::from(dims.z) > MAX_WALK {
+        return false;
+    }
+    let mut slice = vec![0.0f32; plane as usize];
+    for k in 0..dims.z {
+        fill(k, &mut slice);
+        visit(k, &slice);
+    }
+    true
+}
+
+/// Size, place, range, mean and largest columns of a density.
+fn density(medium: &dyn Medium) -> Map<String, Value> {
+    let lattice: &Lattice = medium.lattice();
+    let (dims, (min, max)) = (lattice.dims(), lattice.world_bounds());
+    let mut map = Map::new();
+    map.insert("dims".into(), json!(dims.to_array()));
+    map.insert("bounds".into(), json!([min.to_array(), max.to_array()]));
+    map.insert("voxel_edges".into(), json!(lattice.edges().to_array()));
+    let (nx, ny) = (dims.x as usize, dims.y as usize);
+    let (mut low, mut high, mut sum, mut filled) = (f32::INFINITY, 0.0f32, 0.0f64, 0u64);
+    let (mut along_z, mut along_x, mut along_y) = (vec![0.0f64; nx * ny], 0.0f64, 0.0f64);
+    let walked = slices(
+        dims,
+        |k, out| medium.density_slice(k, out),
+        |_, slice| {
+            let mut down = vec![0.0f64; nx];
+            for (j, line) in slice.chunks_exact(nx).enumerate() {
+                let mut across = 0.0;
+                for (i, &v) in line.iter().enumerate() {
+                    (low, high, filled) = (low.min(v), high.max(v), filled + u64::from(v > 0.0));
+                    let v = f64::from(v);
+                    across += v;
+                    down[i] += v;
+                    along_z[j * nx + i] += v;
+                }
+                sum += across;
+                along_x = along_x.max(across);
+            }
+            along_y = down.into_iter().fold(along_y, f64::max);
+        },
+    );
+    if walked {
+        let edges = lattice.edges();
+        let columns = DVec3::new(along_x, along_y, along_z.into_iter().fold(0.0, f64::max)) * edges;
+        map.insert("range".into(), json!([number(low.into()), number(high.into())]));
+        map.insert("mean".into(), number(sum / lattice.voxels() as f64));
+        map.insert("filled".into(), number(filled as f64 / lattice.voxels() as f64));
+        map.insert("largest_column".into(), json!(columns.to_array().map(number)));
+    } else {
+        map.insert("range".into(), Value::Null);
+    }
+    map
+}

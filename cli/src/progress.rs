@@ -1,0 +1,43 @@
+//! Progress on standard error, where that is a terminal and the work takes over a second.
+
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use airlight::exec::Progress;
+
+pub(crate) struct Meter {
+    begin: Instant,
+    last: Option<Instant>,
+    on: bool,
+}
+
+/// Silence before the first line, and time between two.
+const QUIET: Duration = Duration::from_secs(1);
+const PAUSE: Duration = Duration::from_millis(100);
+
+impl Meter {
+    pub(crate) fn new() -> Self {
+        Self { begin: Instant::now(), last: None, on: std::io::stderr().is_terminal() }
+    }
+
+    pub(crate) fn show(&mut self, progress: Progress) {
+        let now = Instant::now();
+        let due = self.last.is_none_or(|last| now - last >= PAUSE);
+        if self.on && now - self.begin >= QUIET && due {
+            self.last = Some(now);
+            let mut err = std::io::stderr();
+            let percent = (progress.done * 100.0).round();
+            // Progress that cannot be shown is no fault of the picture.
+            let _ = write!(err, "\r\x1b[K{} {percent} % ({:.0} s)", progress.stage, (now - self.begin).as_secs_f64());
+            let _ = err.flush();
+        }
+    }
+}
+
+impl Drop for Meter {
+    fn drop(&mut self) {
+        if self.last.is_some() {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+    }
+}

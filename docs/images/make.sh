@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Makes every picture of this folder from the scenes in the repository.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+cargo build --release --quiet
+airlight=target/release/airlight
+out=docs/images
+
+"$airlight" render scenes/cumulus.toml -o $out/cumulus.png
+"$airlight" render scenes/head.toml -o $out/head.png
+"$airlight" render scenes/box.toml -o $out/box.png
+
+# Figure 3 of Delalandre, Gautron and Marvie (2013): one cloud under a full sky, and under nine coefficients of it.
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+sky=(--size 640x360 --set environment.file="$PWD/scenes/studio.exr" --set environment.scale=8 --set environment.visible=false
+    --set medium.anisotropy=0 --set estimate.lights=none --set estimate.environment.cells=64)
+"$airlight" render scenes/cumulus.toml "${sky[@]}" --set estimate.environment.directions=768 \
+    -o $out/figure-3-full-sky.png -o "$work/full.exr"
+"$airlight" render scenes/cumulus.toml "${sky[@]}" --set estimate.environment.content=transmittance \
+    --set estimate.environment.bands=3 --set estimate.environment.directions=192 \
+    -o $out/figure-3-nine-coefficients.png -o "$work/nine.exr"
+"$airlight" compare "$work/nine.exr" "$work/full.exr" -o $out/figure-3-flip.png
+
+# Figure 4: cells along the longest side.
+for cells in 10 25 50 100; do
+    "$airlight" render scenes/cumulus.toml "${sky[@]}" --set estimate.environment.cells=$cells \
+        --set estimate.environment.directions=192 -o $out/figure-4-$cells-cells.png
+done
