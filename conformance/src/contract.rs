@@ -135,6 +135,13 @@ fn past_the_end(subject: &Subject) -> Result<(), Failed> {
         refused(&format!("writing {len} bytes at {offset}"), device.write(id, offset, &vec![0; len]))?;
         refused(&format!("reading {len} bytes at {offset}"), device.read(id, offset, &mut vec![0; len]))?;
     }
+    for (offset, len) in [(0u64, 3usize), (2, 4), (1, 1)] {
+        refused(&format!("writing parts of words, {len} bytes at {offset}"), device.write(id, offset, &vec![0; len]))?;
+        refused(
+            &format!("reading parts of words, {len} bytes at {offset}"),
+            device.read(id, offset, &mut vec![0; len]),
+        )?;
+    }
     device.write(id, 60, &[0; 4])?;
     Ok(())
 }

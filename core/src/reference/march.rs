@@ -16,7 +16,7 @@ pub struct MarchInputs<'a> {
     pub density: &'a [f32],
     /// Emission density, where it is not the density.
     pub emission: Option<&'a [f32]>,
-    /// In-scattered radiance, laid out \[layer\]\[cell\].
+    /// In-scattered radiance, laid out \[cell\]\[layer\].
     pub in_scatter: Option<&'a [[f32; 4]]>,
     /// Lights.
     pub lights: &'a [LightRecord],
@@ -122,12 +122,13 @@ fn gathered(
 ) -> DVec3 {
     let Some(field) = inputs.in_scatter else { return DVec3::ZERO };
     let place = (at + 0.5) * xyz(params.cells_per_voxel) - 0.5;
-    let cells = params.cells[..3].iter().map(|&n| n as usize).product();
+    let layers = params.cells[3] as usize;
     let layer = |k: usize| {
-        let layer = Samples::new(&field[k * cells..][..cells], params.cells);
+        let values: Vec<_> = field.iter().skip(k).step_by(layers).copied().collect();
+        let layer = Samples::new(&values, params.cells);
         if params.trilinear == 1 { layer.trilinear(place) } else { xyz(layer.nearest(place)) }
     };
-    if params.cells[3] == 1 {
+    if layers == 1 {
         return layer(0);
     }
     let mut values = vec![0.0; harmonics.count()];

@@ -13,7 +13,7 @@ pub struct RelightInputs<'a> {
     pub light: &'a [[f32; 4]],
 }
 
-/// What [`Relight`](crate::stage::Relight) writes: J, laid out \[layer\]\[cell\]\[RGBA\], A zero.
+/// What [`Relight`](crate::stage::Relight) writes: J, laid out \[cell\]\[layer\]\[RGBA\], A zero.
 pub fn relight(params: &RelightParams, inputs: &RelightInputs<'_>) -> Vec<f64> {
     let (coefficients, channels) = (params.coefficients as usize, params.channels as usize);
     let moments = params.emission_coefficients as usize;
@@ -26,8 +26,8 @@ pub fn relight(params: &RelightParams, inputs: &RelightInputs<'_>) -> Vec<f64> {
     };
     let light = |k: usize, c: usize| f64::from(inputs.light[k][c]);
     let mut out = Vec::new();
-    for layer in 0..params.layers as usize {
-        for cell in 0..params.cells as usize {
+    for cell in 0..params.cells as usize {
+        for layer in 0..params.layers as usize {
             for c in 0..3 {
                 out.push(if params.layers == 1 {
                     let scattered: f64 = (0..coefficients).map(|k| light(k, c) * record(cell, k, c)).sum();
