@@ -152,7 +152,9 @@ pub fn run(args: &Arguments, choices: &[String], required: &[String]) -> Conclus
 /// `Err` with the formatted text unless the condition holds.
 macro_rules! check {
     ($condition:expr, $($text:tt)+) => {
-        if !$condition {
+        // What compares with a number that is none does not hold.
+        let holds: bool = $condition;
+        if !holds {
             return Err(libtest_mimic::Failed::from(format!($($text)+)));
         }
     };

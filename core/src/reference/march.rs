@@ -191,3 +191,82 @@ fn sky(params: &MarchParams, texels: &[[f32; 4]], d: DVec3) -> DVec3 {
     }
     sum * xyz(params.environment)
 }
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::reference::closed::LitBox;
+    use crate::stage::PhaseParams;
+
+    /// A homogeneous box of 0.6 × 0.6 × 0.4 m before an eye at (1.1, 0.9, 1.3), with a directional light.
+    fn lit() -> (MarchParams, LightRecord, LitBox) {
+        let eye = DVec3::new(1.1, 0.9, 1.3);
+        let edge = [0.2f64, 0.3, 0.1];
+        let mut params = MarchParams::zeroed();
+        params.dims = [3, 2, 4, 0];
+        let row = |a: usize| [0, 1, 2, 3].map(|i| if i == a { (1.0 / edge[a]) as f32 } else { 0.0 });
+        [params.index_x, params.index_y, params.index_z] = [row(0), row(1), row(2)];
+        params.eye = [0, 1, 2, 3].map(|a| if a < 3 { (eye[a] / edge[a] - 0.5) as f32 } else { 0.0 });
+        let forward = (DVec3::new(0.3, 0.3, 0.2) - eye).normalize();
+        let right = forward.cross(DVec3::Y).normalize();
+        let axes = [forward, right * 0.3, right.cross(forward) * 0.2];
+        [params.forward, params.right, params.up] = axes.map(|a| a.as_vec3().extend(0.0).to_array());
+        (params.width, params.height, params.samples) = (9, 6, 1);
+        (params.extinction, params.albedo) = ([3.0, 2.0, 1.0, 0.0], [0.9, 0.5, 1.0, 0.0]);
+        (params.step, params.cut, params.lights, params.shadow) = (1e-3, 0.0, 1, shadow_kind::MARCH);
+        (params.phase_kind, params.phase) = (PhaseParams::HENYEY_GREENSTEIN, [0.5, 0.0, 1.0, 0.0]);
+        params.phase_at = 2;
+        let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
+        let mut light = LightRecord::zeroed();
+        (light.position, light.power) = (to_light.as_vec3().extend(0.0).to_array(), [2.0, 2.0, 2.0, 0.0]);
+        let closed = LitBox {
+            min: DVec3::ZERO,
+            max: DVec3::new(0.6, 0.6, 0.4),
+            scattering: 0.0,
+            extinction: 0.0,
+            to_light,
+            irradiance: 2.0,
+        };
+        (params, light, closed)
+    }
+
+    #[test]
+    fn a_lit_box_is_closed() {
+        let (params, light, closed) = lit();
+        let density = 1.5f32;
+        let inputs = MarchInputs {
+            density: &[density; 24],
+            emission: None,
+            in_scatter: None,
+            lights: &[light],
+            tables: &[0.5, 0.5],
+            environment: None,
+            surface: None,
+        };
+        let film = march(&params, &inputs);
+        let mut seen = 0;
+        for (pixel, found) in film.chunks_exact(8).enumerate() {
+            let (x, y) = ((pixel % 9) as f64 + 0.5, (pixel / 9) as f64 + 0.5);
+            let ray =
+                xyz(params.forward) + (2.0 * x / 9.0 - 1.0) * xyz(params.right) + (1.0 - y / 3.0) * xyz(params.up);
+            let (eye, d) = (DVec3::new(1.1, 0.9, 1.3), ray.normalize());
+            let way = closed.clip(eye, d).map_or(0.0, |(near, far)| far - near);
+            let phase = crate::media::Phase::HenyeyGreenstein { g: 0.5 }.eval(closed.to_light.dot(d));
+            for c in 0..3 {
+                let extinction = f64::from(density * params.extinction[c]);
+                let scattering = extinction * f64::from(params.albedo[c]);
+                let expected = LitBox { extinction, scattering, ..closed }.single_scattering(phase, eye, d);
+                // Steps of 1 mm, of which the last toward the light ends up to a whole one off the wall; the
+                // parameters are rounded to f32.
+                assert!((found[c] - expected).abs() < 3e-3 * expected + 1e-7, "{pixel}: {} {expected}", found[c]);
+                let through = transmittance(extinction * way);
+                assert!((found[4 + c] - through).abs() < 1e-6, "{pixel}: {} {through}", found[4 + c]);
+            }
+            seen += usize::from(way > 0.1);
+            assert_eq!(found[7].is_finite(), way > 0.0, "a depth where something is stopped");
+        }
+        assert!(seen > 20, "{seen} pixels see the box");
+    }
+}
