@@ -48,19 +48,20 @@ pub struct FieldSpec {
 }
 
 impl FieldSpec {
-    /// Texels of all layers.
+    /// Texels of all layers; the largest number there is where they are more.
     pub fn texels(&self) -> u64 {
-        self.dims.iter().map(|&d| u64::from(d)).product::<u64>() * u64::from(self.layers)
+        self.dims.iter().fold(u64::from(self.layers), |n, &d| n.saturating_mul(d.into()))
     }
 
     /// Bytes of one z-slice of all layers. The host writes fields in whole slices: layer fastest, then x, y and z.
     pub fn slice_bytes(&self) -> u64 {
-        u64::from(self.dims[0]) * u64::from(self.dims[1]) * u64::from(self.layers) * self.format.bytes()
+        let texels = u64::from(self.dims[0]).saturating_mul(self.dims[1].into()).saturating_mul(self.layers.into());
+        texels.saturating_mul(self.format.bytes())
     }
 
     /// Bytes of all layers.
     pub fn bytes(&self) -> u64 {
-        self.texels() * self.format.bytes()
+        self.texels().saturating_mul(self.format.bytes())
     }
 }
 

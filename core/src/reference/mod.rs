@@ -1,3 +1,20 @@
-//! Truth to hold devices to.
+//! Truth to hold devices to: closed forms, a slow f64 twin of each stage, and brute force over whole scenes.
+//!
+//! The twins say what a stage computes in the plainest way: no packets, no skipping, no shared intermediate results,
+//! and no arithmetic of the kernels. They take the stage's parameters with what its bindings hold, and give what the
+//! stage writes in the same layout. They index without checks: what they are given must satisfy the stage's
+//! [`validate`](crate::stage::Kernel::validate).
 
+pub mod brute;
 pub mod closed;
+mod lookup;
+mod march;
+mod project;
+mod reduce;
+mod relight;
+
+pub use brute::{BruteForce, BruteSettings};
+pub use march::{MarchInputs, march};
+pub use project::{ProjectInputs, project};
+pub use reduce::{ReduceInputs, reduce};
+pub use relight::{RelightInputs, relight};

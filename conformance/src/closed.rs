@@ -1,0 +1,194 @@
+//! Whole renders against closed forms.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
+use airlight::light::{Environment, Light};
+use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
+use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
+use airlight::scene::{Content, EnvironmentEstimate, Estimate, Quality, Records, Scene};
+use libtest_mimic::Failed;
+
+use crate::compare::compare;
+use crate::fixtures::{camera, chromatic, grey, phases};
+use crate::{Case, Subject, check, tolerance};
+
+/// The box of every scene here, metres.
+const BOX: LitBox = LitBox {
+    min: DVec3::new(-0.35, -0.4, -0.3),
+    max: DVec3::new(0.5, 0.25, 0.7),
+    scattering: 0.0,
+    extinction: 0.0,
+    to_light: DVec3::Y,
+    irradiance: 0.0,
+};
+
+const DENSITY: f32 = 0.8;
+
+pub(crate) fn cases() -> Vec<Case> {
+    let mut cases = vec![
+        Case::new("closed::beer_lambert_grey", |s| beer_lambert(s, fog(grey(Phase::Isotropic)), DMat3::IDENTITY)),
+        Case::new("closed::beer_lambert_chromatic", |s| {
+            beer_lambert(s, fog(chromatic(Phase::Isotropic)), DMat3::IDENTITY)
+        }),
+        Case::new("closed::beer_lambert_rotated_lattice", rotated),
+        Case::new("closed::emission", emission),
+        Case::new("closed::white_sky_behind_a_black_medium", behind),
+    ];
+    for (name, phase) in phases() {
+        let optics = chromatic(phase.clone());
+        cases.push(Case::new(format!("closed::directional_{name}"), move |s| directional(s, &optics)));
+        for content in [Content::Radiance, Content::Transmittance, Content::Phase] {
+            if content == Content::Transmittance && !phase.is_isotropic() {
+                continue;
+            }
+            let (phase, content_name) = (phase.clone(), format!("{content:?}").to_lowercase());
+            cases.push(Case::new(format!("closed::thin_uniform_{content_name}_{name}"), move |s| {
+                thin(s, phase.clone(), content)
+            }));
+        }
+    }
+    cases
+}
+
+fn fog(optics: Optics) -> Scene {
+    Scene {
+        camera: camera(29, 22, 1),
+        medium: Arc::new(Homogeneous::new(DENSITY, BOX.min, BOX.max).expect("a box")),
+        optics,
+        environment: None,
+        lights: Vec::new(),
+        estimate: Estimate::default(),
+        quality: Quality::default(),
+    }
+}
+
+/// For each pixel the way through the box, turned by `turn` about the origin.
+fn ways(scene: &Scene, turn: DMat3) -> Vec<(DVec3, DVec3, f64)> {
+    let camera = &scene.camera;
+    let back = turn.transpose();
+    let origin = back * camera.origin;
+    let pixel = |i: u32| {
+        let (x, y) = (f64::from(i % camera.width) + 0.5, f64::from(i / camera.width) + 0.5);
+        let d = back * camera.direction(x, y);
+        (origin, d, BOX.clip(origin, d).map_or(0.0, |(near, far)| far - near))
+    };
+    (0..camera.width * camera.height).map(pixel).collect()
+}
+
+fn extinction(scene: &Scene, c: usize) -> f64 {
+    f64::from(scene.optics.extinction[c] * DENSITY)
+}
+
+fn beer_lambert(subject: &Subject, mut scene: Scene, turn: DMat3) -> Result<(), Failed> {
+    scene.optics.albedo = Vec3::ZERO;
+    let film = subject.renderer()?.render(&scene)?.film;
+    let through: Vec<[f64; 3]> = ways(&scene, turn)
+        .into_iter()
+        .map(|(_, _, way)| [0, 1, 2].map(|c| transmittance(extinction(&scene, c) * way)))
+        .collect();
+    let found = film.transmittance.iter().flatten().map(|&v| f64::from(v));
+    let l2 = tolerance::CLOSED_L2;
+    compare(found, through.iter().flatten().copied()).within("transmittance", l2, l2)?;
+    let alpha = film.beauty.iter().map(|p| f64::from(p[3]));
+    let expected = through.iter().map(|t| 1.0 - (t[0] + t[1] + t[2]) / 3.0);
+    compare(alpha, expected).within("alpha", l2, l2)?;
+    check!(film.beauty.iter().all(|p| p[..3] == [0.0; 3]), "a black medium without light is not black");
+    let hit = through.iter().filter(|t| t[0] < 0.5).count();
+    check!(hit > 50, "only {hit} pixels see the box");
+    Ok(())
+}
+
+/// A lattice of constant samples: clamped lookups make it homogeneous to its walls.
+fn rotated(subject: &Subject) -> Result<(), Failed> {
+    let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.3, -0.8, 0.5).normalize(), 0.7));
+    let dims = UVec3::new(7, 5, 9);
+    let edges = (BOX.max - BOX.min) / dims.as_dvec3();
+    let map = DAffine3::from_mat3_translation(turn * DMat3::from_diagonal(edges), turn * (BOX.min + 0.5 * edges));
+    let grid = Grid::dense(dims, map, vec![DENSITY; dims.element_product() as usize])?;
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.medium = Arc::new(GridMedium::new(Arc::new(grid), None)?);
+    beer_lambert(subject, scene, turn)
+}
+
+fn emission(subject: &Subject) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.optics.albedo = Vec3::ZERO;
+    scene.optics.emission = Vec3::new(2.0, 0.9, 0.3);
+    let film = subject.renderer()?.render(&scene)?.film;
+    let glow =
+        |c: usize, way| emission_absorption((scene.optics.emission[c] * DENSITY).into(), extinction(&scene, c), way);
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().flat_map(|(_, _, way)| [0, 1, 2].map(|c| glow(c, way)));
+    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
+    compare(found, expected).within("emission", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
+}
+
+/// A visible environment shines through.
+fn behind(subject: &Subject) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.optics.albedo = Vec3::ZERO;
+    scene.environment = Some(Environment::uniform(Vec3::new(0.5, 1.0, 2.0))?);
+    let film = subject.renderer()?.render(&scene)?.film;
+    let expected = ways(&scene, DMat3::IDENTITY)
+        .into_iter()
+        .flat_map(|(_, _, way)| [0, 1, 2].map(|c| [0.5, 1.0, 2.0][c] * transmittance(extinction(&scene, c) * way)));
+    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
+    compare(found, expected).within("background", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
+}
+
+fn directional(subject: &Subject, optics: &Optics) -> Result<(), Failed> {
+    let mut scene = fog(optics.clone());
+    let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
+    let irradiance = [3.0f32, 2.6, 2.0];
+    scene.lights = vec![Light::directional(to_light, Vec3::from(irradiance))?];
+    let film = subject.renderer()?.render(&scene)?.film;
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().flat_map(|(origin, d, _)| {
+        [0, 1, 2].map(|c| {
+            let extinction = extinction(&scene, c);
+            let lit = LitBox {
+                scattering: extinction * f64::from(scene.optics.albedo[c]),
+                extinction,
+                to_light,
+                irradiance: irradiance[c].into(),
+                ..BOX
+            };
+            lit.single_scattering(scene.optics.phase.eval(to_light.dot(d)), origin, d)
+        })
+    });
+    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
+    compare(found, expected).within("single scattering", tolerance::LIT_BOX_L2, f64::INFINITY)
+}
+
+/// A thin medium lit alike from everywhere scatters albedo · alpha · L, whatever its phase function: a phase function
+/// that is not normalised shows, and so do directions whose weights do not add up to the sphere.
+fn thin(subject: &Subject, phase: Phase, content: Content) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(phase));
+    scene.optics.extinction = Vec3::new(1.5e-3, 1e-3, 0.5e-3);
+    let light = [0.5f32, 1.0, 2.0];
+    let mut sky = Environment::uniform(Vec3::from(light))?;
+    sky.visible = false;
+    scene.environment = Some(sky);
+    let records = Records { cells: 5, bands: 4, directions: 192, content, ..Records::default() };
+    scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
+    let film = subject.renderer()?.render(&scene)?.film;
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().flat_map(|(_, _, way)| {
+        [0, 1, 2].map(|c| {
+            let opacity = 1.0 - transmittance(extinction(&scene, c) * way);
+            opacity * f64::from(scene.optics.albedo[c] * light[c])
+        })
+    });
+    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
+    // Toward the eye the phase function is taken at the directions, not integrated over their pixels.
+    let sharpness: f64 = if content == Content::Phase { quadrature_error(&scene.optics.phase, 4) } else { 0.0 };
+    compare(found, expected).within("scattered light", tolerance::THIN_L2 + sharpness, f64::INFINITY)
+}
+
+/// The largest error of Σ p · 4π/n over the directions of 12·`nside`² for some views.
+fn quadrature_error(phase: &Phase, nside: u32) -> f64 {
+    let directions = airlight::basis::healpix::directions(nside);
+    let weight = 4.0 * PI / directions.len() as f64;
+    let sum = |view: DVec3| directions.iter().map(|d| phase.eval(d.dot(view)) * weight).sum::<f64>();
+    let views = airlight::basis::healpix::directions(7);
+    views.into_iter().map(|view| (sum(view) - 1.0).abs()).fold(0.0, f64::max)
+}

@@ -1,0 +1,145 @@
+//! Lattices, fields and scenes that the cases share. All are non-cubic and asymmetric, so that a swapped axis shows.
+
+use std::sync::Arc;
+
+use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
+use airlight::light::{Environment, Image};
+use airlight::media::{Grid, GridMedium, Lattice, Optics, Phase, PhaseTable};
+use airlight::scene::{Camera, Estimate, Quality, Scene};
+
+/// The dimensions of most small fields.
+pub(crate) const DIMS: UVec3 = UVec3::new(7, 5, 9);
+
+/// Numbers in [0, 1) that look random: a counter's hash (Steele, Lea and Flood's SplitMix64).
+pub(crate) fn noise(seed: u64, n: usize) -> Vec<f32> {
+    let hash = |i: u64| {
+        let mut z = (seed << 32).wrapping_add(i).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
+    };
+    (0..n as u64).map(hash).collect()
+}
+
+/// A rough density with empty parts: noise within two slanted ellipsoids, zero outside.
+pub(crate) fn density(dims: UVec3, seed: u64) -> Vec<f32> {
+    let n = dims.element_product() as usize;
+    let size = dims.as_dvec3();
+    let inside = |p: DVec3| {
+        let (a, b) = (p - DVec3::new(0.35, 0.55, 0.3), p - DVec3::new(0.8, 0.25, 0.75));
+        let slanted = DVec3::new(a.x + 0.4 * a.y, a.y, a.z - 0.3 * a.x) / DVec3::new(0.33, 0.42, 0.28);
+        slanted.length() < 1.0 || (b / DVec3::new(0.18, 0.25, 0.2)).length() < 1.0
+    };
+    noise(seed, n)
+        .into_iter()
+        .enumerate()
+        .map(|(i, v)| {
+            let i = i as u32;
+            let at = UVec3::new(i % dims.x, i / dims.x % dims.y, i / dims.x / dims.y);
+            if inside((at.as_dvec3() + 0.5) / size) { 0.3 + 0.7 * v } else { 0.0 }
+        })
+        .collect()
+}
+
+/// Ways to lay a lattice into the world. The boxes are about a metre wide and stand near the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Map {
+    /// Along the axes, with edges that differ.
+    Plain,
+    /// Turned about a slanted axis.
+    Rotated,
+    /// Slanted.
+    Sheared,
+    /// One axis reversed.
+    Mirrored,
+}
+
+impl Map {
+    pub(crate) const ALL: [Self; 4] = [Self::Plain, Self::Rotated, Self::Sheared, Self::Mirrored];
+
+    /// A lattice of `dims` samples laid into the world.
+    pub(crate) fn lattice(self, dims: UVec3) -> Lattice {
+        let edges = DVec3::new(0.9, 0.7, 1.1) / dims.as_dvec3();
+        let scale = DMat3::from_diagonal(edges);
+        let linear = match self {
+            Self::Plain => scale,
+            Self::Rotated => {
+                DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.2, 0.9, -0.4).normalize(), 0.8)) * scale
+            }
+            Self::Sheared => {
+                DMat3::from_cols(DVec3::X, DVec3::new(0.35, 1.0, 0.1), DVec3::new(-0.2, 0.25, 1.0)) * scale
+            }
+            Self::Mirrored => scale * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)),
+        };
+        let center = linear * (0.5 * (dims.as_dvec3() - 1.0));
+        let map = DAffine3::from_mat3_translation(linear, DVec3::new(0.1, -0.05, 0.2) - center);
+        Lattice::new(dims, map).expect("the maps above have inverses")
+    }
+}
+
+/// A camera that sees the boxes of [`Map::lattice`] whole, in general position.
+pub(crate) fn camera(width: u32, height: u32, samples: u32) -> Camera {
+    Camera {
+        origin: DVec3::new(1.31, 0.97, 1.73),
+        target: DVec3::new(0.08, -0.03, 0.17),
+        up: DVec3::new(0.1, 1.0, -0.05),
+        fov: 36.0,
+        width,
+        height,
+        samples,
+    }
+}
+
+/// Optics with a colour of their own in every coefficient.
+pub(crate) fn chromatic(phase: Phase) -> Optics {
+    Optics { extinction: Vec3::new(6.0, 4.0, 2.5), albedo: Vec3::new(0.95, 0.8, 0.6), emission: Vec3::ZERO, phase }
+}
+
+/// The same with grey extinction.
+pub(crate) fn grey(phase: Phase) -> Optics {
+    Optics { extinction: Vec3::splat(4.0), ..chromatic(phase) }
+}
+
+/// One phase function of each kind, with its name.
+pub(crate) fn phases() -> Vec<(&'static str, Phase)> {
+    let degrees = [0.0, 10.0, 40.0, 90.0, 135.0, 180.0];
+    let table = PhaseTable::new(&degrees, &[9.0, 4.0, 1.0, 0.3, 0.5, 1.2]).expect("a phase table");
+    vec![
+        ("isotropic", Phase::Isotropic),
+        ("hg", Phase::HenyeyGreenstein { g: 0.7 }),
+        ("backward_hg", Phase::HenyeyGreenstein { g: -0.4 }),
+        ("rayleigh", Phase::Rayleigh),
+        ("double_hg", Phase::DoubleHenyeyGreenstein { forward: 0.8, backward: -0.3, weight: 0.7 }),
+        ("table", Phase::Table(Arc::new(table))),
+    ]
+}
+
+/// A coarse coloured sky, bright in one place.
+pub(crate) fn sky() -> Environment {
+    let (width, height) = (16u32, 8u32);
+    let base = noise(77, (width * height * 3) as usize);
+    let mut texels: Vec<[f32; 3]> =
+        base.chunks_exact(3).map(|t| [0.4 + 0.4 * t[0], 0.3 + 0.5 * t[1], 0.6 * t[2]]).collect();
+    // A bright corner, three texels wide.
+    for (x, y) in [(11, 2), (12, 2), (11, 3), (12, 3), (13, 2)] {
+        texels[(y * width + x) as usize] = [4.0, 3.5, 2.5];
+    }
+    let mut sky = Environment::new(Image { width, height, texels }).expect("texels are radiance");
+    sky.visible = false;
+    sky
+}
+
+/// A cloud of `dims` rough voxels, not lit.
+pub(crate) fn cloud(map: Map, dims: UVec3, optics: Optics) -> Scene {
+    let lattice = map.lattice(dims);
+    let grid = Grid::dense(dims, lattice.index_to_world(), density(dims, 5)).expect("as many values as voxels");
+    Scene {
+        camera: camera(24, 18, 1),
+        medium: Arc::new(GridMedium::new(Arc::new(grid), None).expect("a density")),
+        optics,
+        environment: None,
+        lights: Vec::new(),
+        estimate: Estimate::default(),
+        quality: Quality::default(),
+    }
+}

@@ -1,0 +1,236 @@
+//! One set of parameters of `march`, on a device and by its twin.
+
+use airlight::basis::recurrence_table;
+use airlight::device::{Buf, Usage};
+use airlight::glam::{DVec3, UVec3, Vec3};
+use airlight::light::Light;
+use airlight::media::{Optics, Phase};
+use airlight::reference::{self, MarchInputs};
+use airlight::scene::Camera;
+use airlight::stage::{
+    GridParams, LightRecord, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind,
+};
+use bytemuck::Zeroable;
+use libtest_mimic::Failed;
+
+use super::widen;
+use crate::bench::Bench;
+use crate::compare::{compare, same_bits};
+use crate::fixtures::{DIMS, Map, camera, density, grey, noise, sky};
+use crate::{Subject, check, tolerance};
+
+/// One set of parameters.
+#[derive(Clone)]
+pub(super) struct Set {
+    pub(super) name: String,
+    pub(super) dims: UVec3,
+    pub(super) map: Map,
+    pub(super) camera: Camera,
+    pub(super) optics: Optics,
+    /// Emission by a field of its own.
+    pub(super) own_emission: bool,
+    pub(super) in_scatter: Option<InScatter>,
+    pub(super) lights: Vec<Light>,
+    pub(super) shadow: u32,
+    /// Rotation of a visible environment, degrees.
+    pub(super) environment: Option<f32>,
+    pub(super) surface: bool,
+    /// Longest step, metres.
+    pub(super) step: f32,
+    /// Voxels of an occupancy cell's side.
+    pub(super) block: u32,
+}
+
+#[derive(Clone, Copy)]
+pub(super) struct InScatter {
+    /// More than one makes bands² layers.
+    pub(super) bands: u32,
+    pub(super) trilinear: bool,
+}
+
+pub(super) const CELLS: [u32; 3] = [4, 3, 6];
+
+/// A picture of 21 × 13 pixels, so that blocks are cut at both edges.
+pub(super) fn plain(name: &str) -> Set {
+    Set {
+        name: name.to_owned(),
+        dims: DIMS,
+        map: Map::Plain,
+        camera: camera(21, 13, 1),
+        optics: Optics { albedo: Vec3::ZERO, ..grey(Phase::Isotropic) },
+        own_emission: false,
+        in_scatter: None,
+        lights: Vec::new(),
+        shadow: shadow_kind::NONE,
+        environment: None,
+        surface: false,
+        step: 0.05,
+        block: 2,
+    }
+}
+
+/// Everything that the stage reads, on the host.
+struct Host {
+    params: MarchParams,
+    density: Vec<f32>,
+    emission: Vec<f32>,
+    in_scatter: Vec<[f32; 4]>,
+    lights: Vec<LightRecord>,
+    tables: Vec<f32>,
+    environment: Vec<[f32; 4]>,
+    surface: Vec<[f32; 4]>,
+}
+
+fn rgb(v: Vec3) -> [f32; 4] {
+    v.extend(0.0).to_array()
+}
+
+fn record(light: &Light, eye: DVec3) -> LightRecord {
+    let mut record = LightRecord::zeroed();
+    let relative = |p: DVec3| (p - eye).as_vec3().extend(1.0).to_array();
+    match *light {
+        Light::Directional { to_light, irradiance } => {
+            (record.position, record.power) = (rgb(to_light.as_vec3()), rgb(irradiance));
+        }
+        Light::Point { position, intensity } => {
+            (record.position, record.power) = (relative(position), rgb(intensity));
+        }
+        Light::Spot { position, axis, intensity, beam, cutoff } => {
+            (record.position, record.power) = (relative(position), rgb(intensity));
+            (record.axis, record.cone) = (rgb(axis.as_vec3()), [beam as f32, cutoff as f32, 1.0, 0.0]);
+        }
+    }
+    record
+}
+
+fn host(set: &Set) -> Host {
+    let lattice = set.map.lattice(set.dims);
+    let grid = GridParams::new(&lattice);
+    let (camera, optics) = (&set.camera, &set.optics);
+    let mut p = MarchParams::zeroed();
+    p.dims = grid.dims;
+    [p.index_x, p.index_y, p.index_z] = grid.index;
+    p.eye = rgb(lattice.world_to_index().transform_point3(camera.origin).as_vec3());
+    [p.forward, p.right, p.up] = camera.axes().map(|a| rgb(a.as_vec3()));
+    (p.extinction, p.albedo, p.emission) = (rgb(optics.extinction), rgb(optics.albedo), rgb(optics.emission));
+    (p.width, p.height, p.samples) = (camera.width, camera.height, camera.samples);
+    (p.step, p.cut, p.light_floor) = (set.step, March::CUT, 1e-4);
+    p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { set.dims[a].div_ceil(set.block) } else { set.block });
+    p.lights = set.lights.len() as u32;
+    p.shadow = set.shadow;
+    let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
+    let mut in_scatter = Vec::new();
+    if let Some(InScatter { bands, trilinear }) = set.in_scatter {
+        let layers = bands * bands;
+        p.cells = [CELLS[0], CELLS[1], CELLS[2], layers];
+        p.cells_per_voxel = [0, 1, 2, 3].map(|a| if a < 3 { CELLS[a] as f32 / set.dims[a] as f32 } else { 0.0 });
+        (p.bands, p.trilinear) = (bands, trilinear.into());
+        if layers > 1 {
+            p.harmonics_at = tables.len() as u32;
+            tables.extend(recurrence_table(bands));
+        }
+        let values = noise(41, (CELLS.iter().product::<u32>() * layers * 3) as usize);
+        in_scatter = values.chunks_exact(3).map(|v| [v[0] - 0.3, v[1] - 0.2, v[2], 0.0]).collect();
+    }
+    let phase = PhaseParams::new(&optics.phase);
+    (p.phase_kind, p.phase) = (phase.kind, phase.lobes);
+    (p.phase_at, p.phase_size) = (tables.len() as u32, phase.table.len() as u32);
+    tables.extend(phase.table);
+    let mut environment = Vec::new();
+    if let Some(rotation) = set.environment {
+        let sky = sky();
+        (p.environment_width, p.environment_height) = (sky.image().width, sky.image().height);
+        p.environment = [1.5, 1.0, 0.5, (rotation / 360.0).rem_euclid(1.0)];
+        environment = sky.image().texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect();
+    }
+    let pixels = (camera.width * camera.height) as usize;
+    // Before, within and behind the medium, and nowhere.
+    let far = |i: usize| [0.4, 2.1, 2.4, 2.7, 9.0, f32::INFINITY][i % 6];
+    let surface = noise(42, 3 * pixels).chunks_exact(3).enumerate().map(|(i, c)| [c[0], c[1], c[2], far(i)]).collect();
+    let density = density(set.dims, 43);
+    let emission = noise(44, density.len()).iter().map(|v| (v - 0.5).max(0.0)).collect();
+    let lights = set.lights.iter().map(|light| record(light, camera.origin)).collect();
+    Host {
+        params: p,
+        density,
+        emission: if set.own_emission { emission } else { Vec::new() },
+        in_scatter,
+        lights,
+        tables,
+        environment,
+        surface: if set.surface { surface } else { Vec::new() },
+    }
+}
+
+/// Something of a slice, or none where it is empty.
+fn some<T, R>(data: &[T], make: impl FnOnce(&[T]) -> Result<R, Failed>) -> Result<Option<R>, Failed> {
+    if data.is_empty() { Ok(None) } else { make(data).map(Some) }
+}
+
+/// Runs the set without and with occupancy, which must give the same bits, and compares with the twin.
+pub(super) fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
+    let host = host(set);
+    let mut bench = Bench::new(subject)?;
+    let dims = set.dims.to_array();
+    let film: Buf<[f32; 4]> = bench.room(2 * (host.params.width * host.params.height) as usize, Usage::Output)?;
+    let mut march = March {
+        params: host.params,
+        density: bench.scalars(dims, &host.density)?,
+        emission: some(&host.emission, |v| bench.scalars(dims, v))?,
+        in_scatter: some(&host.in_scatter, |v| bench.colors(CELLS, host.params.cells[3], v))?,
+        occupancy: None,
+        lights: some(&host.lights, |v| bench.buf(v))?,
+        tables: bench.buf(&host.tables)?,
+        environment: some(&host.environment, |v| bench.buf(v))?,
+        surface: some(&host.surface, |v| bench.buf(v))?,
+        film,
+    };
+    bench.run(&Stage::March(march.clone()))?;
+    let plain: Vec<[f32; 4]> = bench.read(film)?;
+
+    let [x, y, z, side] = host.params.occupancy_cells;
+    let side = side as f32;
+    let occupancy = bench.room::<[f32; 2]>((x * y * z) as usize, Usage::Work)?;
+    let reduce = Stage::Reduce(Reduce {
+        params: ReduceParams { dims: host.params.dims, coarse: [x, y, z, 0], cell: [side, side, side, 0.0] },
+        density: march.density,
+        other: march.emission,
+        out: occupancy,
+    });
+    bench.run(&reduce)?;
+    march.occupancy = Some(occupancy);
+    bench.run(&Stage::March(march))?;
+    let skipping: Vec<[f32; 4]> = bench.read(film)?;
+    same_bits("with and without occupancy", bytemuck::cast_slice(&plain), bytemuck::cast_slice(&skipping))?;
+    if set.block < 8 && set.dims.max_element() > 16 {
+        let empty = bench.read(occupancy)?.iter().filter(|c| c[1] == 0.0).count();
+        check!(empty > 20, "only {empty} empty blocks: the case tries nothing");
+    }
+
+    let inputs = MarchInputs {
+        density: &host.density,
+        emission: (!host.emission.is_empty()).then_some(&host.emission[..]),
+        in_scatter: (!host.in_scatter.is_empty()).then_some(&host.in_scatter[..]),
+        lights: &host.lights,
+        tables: &host.tables,
+        environment: (!host.environment.is_empty()).then_some(&host.environment[..]),
+        surface: (!host.surface.is_empty()).then_some(&host.surface[..]),
+    };
+    let expected = reference::march(&host.params, &inputs);
+    let found: Vec<f32> = plain.iter().flatten().copied().collect();
+    let l2 = tolerance::stage_l2(bench.device.info());
+    for (what, channels) in [("radiance", 0..3), ("alpha", 3..4), ("transmittance", 4..7)] {
+        let pick = |i: usize| channels.contains(&(i % 8));
+        let found = widen(&found).enumerate().filter(|(i, _)| pick(*i)).map(|(_, v)| v);
+        let expected = expected.iter().enumerate().filter(|(i, _)| pick(*i)).map(|(_, v)| *v);
+        compare(found, expected).within(what, l2, tolerance::STAGE_PEAK)?;
+    }
+    // Where next to nothing is stopped, one sample at the rim decides, and its density may be a rounding error.
+    let solid = |i: usize| i % 8 == 7 && expected[i - 4] > 1e-3;
+    let depths = widen(&found).enumerate().filter(|(i, _)| solid(*i)).map(|(_, v)| v);
+    let expected_depths = expected.iter().enumerate().filter(|(i, _)| solid(*i)).map(|(_, v)| *v);
+    compare(depths, expected_depths).within("depth", l2, tolerance::STAGE_PEAK)?;
+    let seen = expected.chunks_exact(8).filter(|p| p[3] > 1e-3 || p[0] > 1e-3).count();
+    check!(seen > 20, "only {seen} pixels show the medium: the case tries nothing");
+    Ok(())
+}

@@ -1,0 +1,173 @@
+//! The sets of parameters that `march` is tried with.
+
+use airlight::glam::{DVec3, UVec3, Vec3};
+use airlight::light::Light;
+use airlight::media::{Optics, Phase};
+use airlight::scene::Camera;
+use airlight::stage::shadow_kind;
+
+use super::march::{InScatter, Set, one, plain};
+use crate::Case;
+use crate::fixtures::{Map, camera, chromatic, grey, phases};
+
+pub(crate) fn cases() -> Vec<Case> {
+    let sets = [transmittance(), emission(), in_scatter(), lights(), background(), views()];
+    let case = |set: Set| Case::new(format!("stage::march::{}", set.name), move |subject| one(subject, &set));
+    sets.into_iter().flatten().map(case).collect()
+}
+
+/// Radiance J that the medium scatters, from records or lights.
+fn scattering(name: &str, phase: Phase) -> Set {
+    Set { optics: chromatic(phase), ..plain(name) }
+}
+
+fn transmittance() -> Vec<Set> {
+    let black = |optics: Optics| Optics { albedo: Vec3::ZERO, ..optics };
+    let mut sets: Vec<Set> = Map::ALL
+        .into_iter()
+        .map(|map| Set {
+            map,
+            optics: black(chromatic(Phase::Isotropic)),
+            ..plain(&format!("transmittance_{map:?}").to_lowercase())
+        })
+        .collect();
+    sets.extend([
+        plain("transmittance_grey"),
+        Set { step: 5.0, ..plain("one_step") },
+        Set { step: 0.004, ..plain("many_steps") },
+        // Rays end where they are cut.
+        Set {
+            optics: Optics { extinction: Vec3::new(90.0, 60.0, 40.0), ..grey(Phase::Isotropic) },
+            lights: vec![sun()],
+            ..plain("cut")
+        },
+        Set {
+            optics: Optics { extinction: Vec3::new(4.0, 0.0, 1.0), ..black(grey(Phase::Isotropic)) },
+            ..plain("one_clear_channel")
+        },
+    ]);
+    sets
+}
+
+fn emission() -> Vec<Set> {
+    let glow = |optics: Optics| Optics { emission: Vec3::new(1.2, 0.4, 0.1), ..optics };
+    vec![
+        Set { optics: glow(grey(Phase::Isotropic)), ..plain("emission_of_density") },
+        Set { optics: glow(chromatic(Phase::Isotropic)), own_emission: true, ..plain("emission_of_its_own") },
+        Set {
+            optics: Optics { extinction: Vec3::ZERO, ..glow(grey(Phase::Isotropic)) },
+            own_emission: true,
+            map: Map::Sheared,
+            ..plain("emission_without_extinction")
+        },
+    ]
+}
+
+fn in_scatter() -> Vec<Set> {
+    let records = |name: &str, bands: u32, trilinear: bool| Set {
+        in_scatter: Some(InScatter { bands, trilinear }),
+        ..scattering(name, Phase::Isotropic)
+    };
+    vec![
+        records("records_trilinear", 1, true),
+        Set { map: Map::Mirrored, ..records("records_nearest", 1, false) },
+        Set { map: Map::Sheared, ..records("two_bands_trilinear", 2, true) },
+        records("three_bands_trilinear", 3, true),
+        Set { map: Map::Rotated, ..records("three_bands_nearest", 3, false) },
+        Set { optics: grey(Phase::Isotropic), ..records("six_bands_trilinear", 6, true) },
+        records("ten_bands_trilinear", 10, true),
+        Set { map: Map::Mirrored, ..records("ten_bands_nearest", 10, false) },
+    ]
+}
+
+fn sun() -> Light {
+    Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::new(3.0, 2.6, 2.0)).expect("a light")
+}
+
+fn lamp() -> Light {
+    Light::point(DVec3::new(-0.2, 0.9, 0.6), Vec3::new(0.6, 0.7, 1.0)).expect("a light")
+}
+
+/// Its cone's rim falls within the medium.
+fn spot() -> Light {
+    let (from, to) = (DVec3::new(-0.9, 1.1, 0.6), DVec3::new(0.2, -0.1, 0.1));
+    Light::spot(from, to, Vec3::new(4.0, 3.0, 2.0), 8.0, 17.0).expect("a light")
+}
+
+fn lights() -> Vec<Set> {
+    let lit = |name: &str, phase: Phase, lights: Vec<Light>| Set {
+        lights,
+        shadow: shadow_kind::MARCH,
+        ..scattering(name, phase)
+    };
+    let mut sets: Vec<Set> = phases()
+        .into_iter()
+        .map(|(name, phase)| Set { map: Map::Rotated, ..lit(&format!("directional_{name}"), phase, vec![sun()]) })
+        .collect();
+    let hg = || Phase::HenyeyGreenstein { g: 0.6 };
+    let inside = Light::point(DVec3::new(0.08, 0.02, 0.23), Vec3::new(0.06, 0.07, 0.1)).expect("a light");
+    let hard = Light::spot(DVec3::new(-0.9, 1.1, 0.6), DVec3::ZERO, Vec3::ONE, 12.0, 12.0).expect("a light");
+    sets.extend([
+        Set { shadow: shadow_kind::NONE, ..lit("no_shadow", hg(), vec![sun(), lamp()]) },
+        Set { optics: grey(hg()), ..lit("directional_grey", hg(), vec![sun()]) },
+        Set { map: Map::Sheared, ..lit("point", Phase::Rayleigh, vec![lamp()]) },
+        Set { map: Map::Mirrored, ..lit("point_inside", Phase::Isotropic, vec![inside]) },
+        lit("spot", Phase::DoubleHenyeyGreenstein { forward: 0.8, backward: -0.3, weight: 0.7 }, vec![spot()]),
+        Set { camera: camera(21, 13, 4), ..lit("spot_without_rim", Phase::Isotropic, vec![hard]) },
+        Set { map: Map::Rotated, ..lit("three_lights", hg(), vec![sun(), lamp(), spot()]) },
+    ]);
+    sets
+}
+
+fn background() -> Vec<Set> {
+    vec![
+        Set { environment: Some(0.0), ..plain("environment") },
+        Set { environment: Some(-130.0), map: Map::Sheared, ..plain("environment_turned") },
+        Set { surface: true, ..plain("surface") },
+        Set {
+            surface: true,
+            environment: Some(75.0),
+            lights: vec![sun()],
+            shadow: shadow_kind::MARCH,
+            ..scattering("surface_before_environment", Phase::HenyeyGreenstein { g: 0.3 })
+        },
+    ]
+}
+
+fn views() -> Vec<Set> {
+    let hg = Phase::HenyeyGreenstein { g: 0.5 };
+    let records = Some(InScatter { bands: 3, trilinear: true });
+    let within = |width, height| Camera {
+        origin: DVec3::new(0.13, -0.07, 0.31),
+        target: DVec3::new(-0.4, 0.1, -0.5),
+        fov: 75.0,
+        ..camera(width, height, 1)
+    };
+    let all = Set {
+        optics: Optics { emission: Vec3::new(0.3, 0.2, 0.1), ..chromatic(hg.clone()) },
+        own_emission: true,
+        in_scatter: records,
+        lights: vec![sun(), lamp(), spot()],
+        shadow: shadow_kind::MARCH,
+        environment: Some(200.0),
+        surface: true,
+        ..plain("everything")
+    };
+    vec![
+        Set { camera: camera(21, 13, 7), environment: Some(10.0), ..plain("seven_samples") },
+        Set { camera: within(19, 14), lights: vec![sun()], ..scattering("eye_inside", hg.clone()) },
+        Set { camera: within(8, 8), map: Map::Sheared, in_scatter: records, ..scattering("eye_inside_slanted", hg) },
+        // Large enough for most blocks to be empty, and for rays to pass over several of them.
+        Set {
+            dims: UVec3::new(37, 21, 29),
+            block: 4,
+            step: 0.03,
+            map: Map::Rotated,
+            lights: vec![sun()],
+            shadow: shadow_kind::MARCH,
+            ..scattering("empty_space", Phase::Isotropic)
+        },
+        Set { name: "everything_slanted".into(), map: Map::Sheared, camera: camera(21, 13, 3), ..all.clone() },
+        all,
+    ]
+}

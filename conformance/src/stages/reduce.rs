@@ -1,0 +1,69 @@
+//! `reduce` against its twin.
+
+use airlight::device::Usage;
+use airlight::reference::{self, ReduceInputs};
+use airlight::stage::{Reduce, ReduceParams, Stage};
+use libtest_mimic::Failed;
+
+use crate::bench::Bench;
+use crate::compare::compare;
+use crate::fixtures::{DIMS, density, noise};
+use crate::{Case, Subject, check, tolerance};
+
+pub(crate) fn cases() -> Vec<Case> {
+    // Cells along each axis, probes, margin, and whether a second field counts.
+    let sets: [(&str, [u32; 3], u32, f32, bool); 8] = [
+        ("one_cell", [1, 1, 1], 0, 0.0, false),
+        ("fractions_of_voxels", [3, 2, 4], 0, 0.0, false),
+        ("margin", [3, 2, 4], 0, 0.5, false),
+        ("wide_margin", [4, 3, 5], 0, 1.5, false),
+        ("two_fields", [3, 4, 2], 0, 0.0, true),
+        ("finer_than_voxels", [15, 11, 16], 0, 0.5, false),
+        ("one_probe", [3, 2, 4], 1, 0.0, false),
+        ("probes", [5, 2, 3], 4, 0.0, false),
+    ];
+    let mut cases: Vec<_> = sets
+        .into_iter()
+        .map(|(name, cells, probes, margin, second)| {
+            let side = |a: usize| DIMS[a] as f32 / cells[a] as f32;
+            let params = ReduceParams {
+                dims: [DIMS.x, DIMS.y, DIMS.z, 0],
+                coarse: [cells[0], cells[1], cells[2], probes],
+                cell: [side(0), side(1), side(2), margin],
+            };
+            Case::new(format!("stage::reduce::{name}"), move |subject| one(subject, params, second))
+        })
+        .collect();
+    // Cells that reach past the box, as the march's occupancy has them.
+    let params = ReduceParams { dims: [DIMS.x, DIMS.y, DIMS.z, 0], coarse: [4, 3, 5, 0], cell: [2.0, 2.0, 2.0, 0.0] };
+    cases.push(Case::new("stage::reduce::blocks_past_the_box", move |subject| one(subject, params, true)));
+    cases
+}
+
+fn one(subject: &Subject, params: ReduceParams, second: bool) -> Result<(), Failed> {
+    let field = density(DIMS, 11);
+    // A second field that is dense where the first is empty.
+    let other: Vec<f32> =
+        noise(12, field.len()).iter().zip(&field).map(|(n, d)| if *d > 0.0 { 0.0 } else { *n }).collect();
+    let mut bench = Bench::new(subject)?;
+    let density = bench.scalars(DIMS.to_array(), &field)?;
+    let second = second.then(|| bench.scalars(DIMS.to_array(), &other)).transpose()?;
+    let cells = params.coarse[..3].iter().product::<u32>() as usize;
+    let out = bench.room::<[f32; 2]>(cells, Usage::Work)?;
+    bench.run(&Stage::Reduce(Reduce { params, density, other: second, out }))?;
+    let found = bench.read(out)?;
+    let expected = reference::reduce(&params, &ReduceInputs { density: &field, other: second.map(|_| &other[..]) });
+    let pick = |i: usize| (found.iter().map(move |v| f64::from(v[i])), expected.iter().skip(i).step_by(2).copied());
+    let (means, expected_means) = pick(0);
+    let l2 = tolerance::stage_l2(bench.device.info());
+    compare(means, expected_means).within("means", l2, tolerance::MEAN_PEAK)?;
+    let (maxima, expected_maxima) = pick(1);
+    if params.coarse[3] > 0 {
+        return compare(maxima, expected_maxima).within("probed maxima", l2, tolerance::MEAN_PEAK);
+    }
+    // Nothing is computed, only picked.
+    for (cell, (found, expected)) in maxima.zip(expected_maxima).enumerate() {
+        check!(found == expected, "maximum of cell {cell}: {found}, not {expected}");
+    }
+    Ok(())
+}

@@ -1,0 +1,402 @@
+//! Brute force over a whole scene, in f64: all light that the medium scatters at most once.
+//!
+//! It knows nothing of stages, estimators, records or step lengths. A trilinear field is a cubic along a ray between
+//! two planes of its lattice, so columns of density are exact: the ray is cut at every plane and two Gauss points
+//! serve each piece. Along the view ray each piece takes [`BruteSettings::nodes`] Gauss points. The sphere is cut into
+//! texels of the environment, and those into as many parts as make [`BruteSettings::rows`] rows.
+
+use std::f64::consts::PI;
+
+use glam::{DAffine3, DVec2, DVec3};
+
+use super::closed::transmittance;
+use super::lookup::clip;
+use crate::basis::quadrature::gauss_legendre;
+use crate::scene::Scene;
+
+/// How fine the quadratures are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BruteSettings {
+    /// Rows of the sphere's quadrature, at least; there are twice as many columns.
+    pub rows: u32,
+    /// Gauss points on each piece of a view ray between two planes of the lattice.
+    pub nodes: usize,
+}
+
+impl Default for BruteSettings {
+    fn default() -> Self {
+        Self { rows: 32, nodes: 3 }
+    }
+}
+
+/// A part of the sphere.
+struct Part {
+    direction: DVec3,
+    solid_angle: f64,
+    radiance: DVec3,
+}
+
+/// A scene, ready to be integrated pixel by pixel.
+///
+/// Included are: emission, seen and scattered once; the environment, seen where it is visible and scattered once;
+/// every light, scattered once. [`Scene::estimate`](crate::scene::Scene) and `quality` are not read. Lights inside
+/// the medium are not treated apart: view rays that pass closer to one than a voxel are inaccurate.
+pub struct BruteForce<'s> {
+    scene: &'s Scene,
+    dims: [u32; 4],
+    to_index: DAffine3,
+    density: Vec<f64>,
+    emission: Option<Vec<f64>>,
+    sphere: Vec<Part>,
+    pair: Vec<(f64, f64)>,
+    nodes: Vec<(f64, f64)>,
+}
+
+impl<'s> BruteForce<'s> {
+    /// Reads the medium and cuts the sphere.
+    pub fn new(scene: &'s Scene, settings: &BruteSettings) -> Self {
+        Self::under(scene, settings, |d| scene.environment.as_ref().map_or(DVec3::ZERO, |e| e.radiance(d)))
+    }
+
+    /// As [`BruteForce::new`], with `radiance` in place of the environment's where it is scattered: a truncation of
+    /// it, say, which may be negative.
+    pub fn under(scene: &'s Scene, settings: &BruteSettings, radiance: impl Fn(DVec3) -> DVec3) -> Self {
+        let lattice = scene.medium.lattice();
+        let d = lattice.dims();
+        let mut slice = vec![0.0f32; d.x as usize * d.y as usize];
+        let (mut density, mut emission) = (Vec::new(), scene.medium.emission_density().map(|_| Vec::new()));
+        for k in 0..d.z {
+            scene.medium.density_slice(k, &mut slice);
+            density.extend(slice.iter().map(|&v| f64::from(v)));
+            if let (Some(field), Some(values)) = (scene.medium.emission_density(), &mut emission) {
+                field.slice(k, &mut slice);
+                values.extend(slice.iter().map(|&v| f64::from(v)));
+            }
+        }
+        Self {
+            scene,
+            dims: [d.x, d.y, d.z, 0],
+            to_index: lattice.world_to_index(),
+            density,
+            emission,
+            sphere: sphere(scene, settings.rows, radiance),
+            pair: gauss_legendre(2),
+            nodes: gauss_legendre(settings.nodes),
+        }
+    }
+
+    /// RGB (W m⁻² sr⁻¹) and alpha = 1 - mean transmittance of the pixel in column `x`, row `y`: the mean over the
+    /// camera's sub-pixel positions.
+    pub fn pixel(&self, x: u32, y: u32) -> [f64; 4] {
+        let camera = &self.scene.camera;
+        let places = camera.subpixels();
+        let mut sum = [0.0; 4];
+        for place in &places {
+            let at = DVec2::new(x.into(), y.into()) + *place;
+            let found = self.ray(camera.origin, camera.direction(at.x, at.y));
+            (0..4).for_each(|c| sum[c] += found[c] / places.len() as f64);
+        }
+        sum
+    }
+
+    /// RGB and alpha along the ray from `origin` in the unit direction `d`.
+    pub fn ray(&self, origin: DVec3, d: DVec3) -> [f64; 4] {
+        let optics = &self.scene.optics;
+        let (extinction, albedo) = (optics.extinction.as_dvec3(), optics.albedo.as_dvec3());
+        let (start, along) = self.carry(origin, d);
+        let (near, far) = clip(start, along, self.dims, f64::INFINITY);
+        let mut color = DVec3::ZERO;
+        let mut column = 0.0;
+        for piece in self.cuts(start, along, near, far).windows(2) {
+            for &(x, w) in &self.nodes {
+                let t = 0.5 * (piece[0] + piece[1]) + 0.5 * (piece[1] - piece[0]) * x;
+                let at = start + t * along;
+                let sigma = self.density(at) * extinction;
+                let reaching = exp(-(column + self.smooth(start, along, piece[0], t)) * extinction);
+                let mut source = self.emission(at);
+                if sigma != DVec3::ZERO {
+                    source += sigma * albedo * self.scattered(origin + t * d, d);
+                }
+                color += 0.5 * (piece[1] - piece[0]) * w * reaching * source;
+            }
+            column += self.smooth(start, along, piece[0], piece[1]);
+        }
+        let through = exp(-column * extinction);
+        if let Some(environment) = self.scene.environment.as_ref().filter(|e| e.visible) {
+            color += through * environment.radiance(d);
+        }
+        [color.x, color.y, color.z, 1.0 - (through.x + through.y + through.z) / 3.0]
+    }
+
+    /// J: what the point `x` of the world scatters into a view ray along `d`, per unit of scattering.
+    pub fn scattered(&self, x: DVec3, d: DVec3) -> DVec3 {
+        let optics = &self.scene.optics;
+        let extinction = optics.extinction.as_dvec3();
+        let mut sum = DVec3::ZERO;
+        for part in &self.sphere {
+            let (start, along) = self.carry(x, part.direction);
+            let phase = optics.phase.eval(part.direction.dot(d)) * part.solid_angle;
+            sum += phase * self.arriving(start, along, part.radiance);
+        }
+        for light in &self.scene.lights {
+            let (toward, distance, irradiance) = light.at(x, 0.0);
+            if irradiance == DVec3::ZERO {
+                continue;
+            }
+            let (start, along) = self.carry(x, toward);
+            let column = self.column(start, along, distance);
+            sum += optics.phase.eval(toward.dot(d)) * irradiance * exp(-column * extinction);
+        }
+        sum
+    }
+
+    /// Radiance that reaches `start` along a ray from far away with `radiance`, attenuated, and what the medium emits
+    /// on the way.
+    fn arriving(&self, start: DVec3, along: DVec3, radiance: DVec3) -> DVec3 {
+        let extinction = self.scene.optics.extinction.as_dvec3();
+        if !self.scene.optics.emits() {
+            return radiance * exp(-self.column(start, along, f64::INFINITY) * extinction);
+        }
+        let (near, far) = clip(start, along, self.dims, f64::INFINITY);
+        let (mut sum, mut column) = (DVec3::ZERO, 0.0);
+        for piece in self.cuts(start, along, near, far).windows(2) {
+            for &(x, w) in &self.nodes {
+                let t = 0.5 * (piece[0] + piece[1]) + 0.5 * (piece[1] - piece[0]) * x;
+                let reaching = exp(-(column + self.smooth(start, along, piece[0], t)) * extinction);
+                sum += 0.5 * (piece[1] - piece[0]) * w * reaching * self.emission(start + t * along);
+            }
+            column += self.smooth(start, along, piece[0], piece[1]);
+        }
+        sum + radiance * exp(-column * extinction)
+    }
+
+    /// A ray of the world in index space; its parameter stays metres.
+    fn carry(&self, origin: DVec3, d: DVec3) -> (DVec3, DVec3) {
+        (self.to_index.transform_point3(origin), self.to_index.transform_vector3(d))
+    }
+
+    /// Column of density (metres) from `start` on to the end of the box or `limit`.
+    fn column(&self, start: DVec3, along: DVec3, limit: f64) -> f64 {
+        let (near, far) = clip(start, along, self.dims, limit);
+        self.cuts(start, along, near, far).windows(2).map(|p| self.smooth(start, along, p[0], p[1])).sum()
+    }
+
+    /// Column over a piece without a plane of the lattice inside: a cubic, so two Gauss points are exact.
+    fn smooth(&self, start: DVec3, along: DVec3, from: f64, to: f64) -> f64 {
+        let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+        self.pair.iter().map(|&(x, w)| half * w * self.density(start + (middle + half * x) * along)).sum()
+    }
+
+    /// `near`, `far` and every parameter between them where the ray passes a plane of samples, rising.
+    fn cuts(&self, start: DVec3, along: DVec3, near: f64, far: f64) -> Vec<f64> {
+        if near >= far {
+            return Vec::new();
+        }
+        let mut cuts = vec![near, far];
+        for a in 0..3 {
+            let ends = [start[a] + near * along[a], start[a] + far * along[a]];
+            let (low, high) = (ends[0].min(ends[1]).ceil(), ends[0].max(ends[1]).floor());
+            let planes = (low as i64..=high as i64).map(|plane| (plane as f64 - start[a]) / along[a]);
+            cuts.extend(planes.filter(|t| *t > near && *t < far));
+        }
+        cuts.sort_by(f64::total_cmp);
+        cuts
+    }
+
+    fn density(&self, at: DVec3) -> f64 {
+        self.lookup(&self.density, at)
+    }
+
+    /// Emission coefficient j at a point of index space.
+    fn emission(&self, at: DVec3) -> DVec3 {
+        if self.scene.optics.emits() {
+            self.scene.optics.emission.as_dvec3() * self.lookup(self.emission.as_ref().unwrap_or(&self.density), at)
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    fn lookup(&self, values: &[f64], at: DVec3) -> f64 {
+        let [nx, ny, _, _] = self.dims.map(|n| n as usize);
+        let mut low = [0; 3];
+        let mut high = [0; 3];
+        let mut f = [0.0; 3];
+        for a in 0..3 {
+            let last = f64::from(self.dims[a] - 1);
+            let floor = at[a].floor();
+            (low[a], high[a]) = (floor.clamp(0.0, last) as usize, (floor + 1.0).clamp(0.0, last) as usize);
+            f[a] = at[a] - floor;
+        }
+        let line = |y: usize, z: usize| {
+            let row = &values[(z * ny + y) * nx..];
+            row[low[0]] * (1.0 - f[0]) + row[high[0]] * f[0]
+        };
+        let plane = |z: usize| line(low[1], z) * (1.0 - f[1]) + line(high[1], z) * f[1];
+        plane(low[2]) * (1.0 - f[2]) + plane(high[2]) * f[2]
+    }
+}
+
+fn exp(v: DVec3) -> DVec3 {
+    DVec3::from(v.to_array().map(|v| transmittance(-v)))
+}
+
+/// The whole sphere in parts that lie within one texel of the environment each; nothing where no light comes from
+/// all around.
+fn sphere(scene: &Scene, rows: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<Part> {
+    if scene.environment.is_none() && !scene.optics.emits() {
+        return Vec::new();
+    }
+    let texels = scene.environment.as_ref().map_or((1, 1), |e| (e.image().width, e.image().height));
+    let up = |texels: u32, least: u32| texels * least.div_ceil(texels).max(1);
+    let (columns, rows) = (up(texels.0, 2 * rows), up(texels.1, rows));
+    let turn = scene.environment.as_ref().map_or(0.0, |e| e.rotation.to_radians());
+    let mut parts = Vec::new();
+    for row in 0..rows {
+        let edge = |row: u32| (PI * f64::from(row) / f64::from(rows)).cos();
+        let y = 0.5 * (edge(row) + edge(row + 1));
+        let planar = (1.0 - y * y).sqrt();
+        for column in 0..columns {
+            // u = 0 lies at -Z and grows toward +X, before the turn.
+            let (sin, cos) = (PI + turn - 2.0 * PI * (f64::from(column) + 0.5) / f64::from(columns)).sin_cos();
+            let direction = DVec3::new(planar * sin, y, planar * cos);
+            parts.push(Part {
+                direction,
+                solid_angle: 2.0 * PI / f64::from(columns) * (edge(row) - edge(row + 1)),
+                radiance: radiance(direction),
+            });
+        }
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DMat3, DQuat, UVec3, Vec3};
+
+    use super::*;
+    use crate::light::{Environment, Image, Light};
+    use crate::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
+    use crate::reference::closed::{LitBox, emission_absorption};
+    use crate::scene::{Camera, Estimate, Quality};
+
+    const MIN: DVec3 = DVec3::new(-0.3, 0.1, -0.2);
+    const MAX: DVec3 = DVec3::new(0.4, 0.6, 0.7);
+
+    fn fog(extinction: f32) -> Scene {
+        Scene {
+            camera: Camera {
+                origin: DVec3::new(1.2, 0.9, 1.7),
+                target: DVec3::new(0.1, 0.3, 0.2),
+                up: DVec3::Y,
+                fov: 25.0,
+                width: 8,
+                height: 6,
+                samples: 1,
+            },
+            medium: Arc::new(Homogeneous::new(1.0, MIN, MAX).unwrap()),
+            optics: Optics { albedo: Vec3::new(0.9, 0.5, 0.2), ..Optics::grey(extinction, 1.0) },
+            environment: None,
+            lights: Vec::new(),
+            estimate: Estimate::default(),
+            quality: Quality::default(),
+        }
+    }
+
+    fn close(found: f64, expected: f64, tolerance: f64) {
+        assert!((found - expected).abs() <= tolerance * expected.abs().max(1e-12), "{found} {expected}");
+    }
+
+    #[test]
+    fn a_lit_box_is_closed() {
+        let mut scene = fog(2.0);
+        scene.optics.extinction = Vec3::new(3.0, 2.0, 0.5);
+        let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
+        scene.optics.phase = Phase::HenyeyGreenstein { g: 0.6 };
+        scene.lights = vec![Light::directional(to_light, Vec3::new(3.0, 2.0, 1.0)).unwrap()];
+        // The box of one voxel has few planes, so the kinks of the way to the light lie within pieces.
+        let truth = BruteForce::new(&scene, &BruteSettings { rows: 1, nodes: 60 });
+        for (x, y) in [(4, 3), (2, 4), (6, 1)] {
+            let d = scene.camera.direction(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let found = truth.pixel(x, y);
+            let mut through = 0.0;
+            for c in 0..3 {
+                let extinction = f64::from(scene.optics.extinction[c]);
+                let lit = LitBox {
+                    min: MIN,
+                    max: MAX,
+                    scattering: extinction * f64::from(scene.optics.albedo[c]),
+                    extinction,
+                    to_light,
+                    irradiance: [3.0, 2.0, 1.0][c],
+                };
+                let phase = scene.optics.phase.eval(to_light.dot(d));
+                close(found[c], lit.single_scattering(phase, scene.camera.origin, d), 1e-4);
+                let (near, far) = lit.clip(scene.camera.origin, d).unwrap();
+                through += transmittance(extinction * (far - near)) / 3.0;
+            }
+            close(found[3], 1.0 - through, 1e-12);
+        }
+    }
+
+    #[test]
+    fn emission_is_closed() {
+        let mut scene = fog(3.0);
+        scene.optics.albedo = Vec3::ZERO;
+        scene.optics.emission = Vec3::new(2.0, 0.9, 0.1);
+        let truth = BruteForce::new(&scene, &BruteSettings { rows: 1, nodes: 12 });
+        let found = truth.pixel(4, 3);
+        let length = -(1.0 - found[3]).ln() / 3.0;
+        for c in 0..3 {
+            close(found[c], emission_absorption(scene.optics.emission[c].into(), 3.0, length), 1e-9);
+        }
+    }
+
+    /// Thin and lit alike from everywhere, a medium scatters σs ℓ L. The first order in the depth of its shadow is
+    /// left, about half the depth of the box.
+    #[test]
+    fn a_thin_box_in_a_uniform_sky() {
+        let mut scene = fog(1e-4);
+        let mut sky = Environment::uniform(Vec3::new(1.0, 2.0, 3.0)).unwrap();
+        sky.visible = false;
+        scene.environment = Some(sky);
+        scene.optics.phase = Phase::HenyeyGreenstein { g: 0.5 };
+        let truth = BruteForce::new(&scene, &BruteSettings::default());
+        let found = truth.pixel(4, 3);
+        for c in 0..3 {
+            // 32 rows leave 0.2 % of a phase function with g = 0.5.
+            close(found[c], found[3] * f64::from(scene.optics.albedo[c]) * (c as f64 + 1.0), 2e-3);
+        }
+    }
+
+    /// The column of a turned and mirrored random lattice against a plain sum of many steps, and the environment's
+    /// parts against its projection.
+    #[test]
+    fn columns_are_exact_and_the_sphere_is_whole() {
+        let dims = UVec3::new(7, 5, 9);
+        let values = (0..315).map(|i| (1.0 + (1.7 * f64::from(i)).sin()) as f32).collect();
+        let turn = DMat3::from_quat(DQuat::from_rotation_y(0.4)) * DMat3::from_diagonal(DVec3::new(-0.1, 0.12, 0.07));
+        let map = DAffine3::from_mat3_translation(turn, DVec3::new(0.4, 0.1, 0.2));
+        let mut scene = fog(1.0);
+        scene.medium = Arc::new(GridMedium::new(Arc::new(Grid::dense(dims, map, values).unwrap()), None).unwrap());
+        let texels = (0..32u8).map(|i| [f32::from(i % 5), f32::from(i % 3), 1.0]).collect();
+        let mut sky = Environment::new(Image { width: 8, height: 4, texels }).unwrap();
+        (sky.rotation, sky.visible) = (70.0, false);
+        let mean = sky.mean_radiance();
+        scene.environment = Some(sky);
+        let truth = BruteForce::new(&scene, &BruteSettings::default());
+        let flux: DVec3 = truth.sphere.iter().map(|p| p.radiance * p.solid_angle).sum();
+        // The midpoint rule over the bilinear function in 8 parts of a texel.
+        assert!((flux / (4.0 * PI) - mean).length() < 2e-3, "{} {mean}", flux / (4.0 * PI));
+        let d = DVec3::new(-0.5, -0.2, -0.6).normalize();
+        let (start, along) = truth.carry(DVec3::new(0.9, 0.7, 1.2), d);
+        let (near, far) = clip(start, along, truth.dims, f64::INFINITY);
+        let steps = 200_000;
+        let h = (far - near) / f64::from(steps);
+        let sum: f64 = (0..steps).map(|k| h * truth.density(start + (near + (f64::from(k) + 0.5) * h) * along)).sum();
+        assert!(far > near);
+        // The midpoint rule's own error.
+        close(truth.column(start, along, f64::INFINITY), sum, 1e-8);
+    }
+}

@@ -1,0 +1,272 @@
+//! Twin of the stage [`March`](crate::stage::March).
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::closed::{emission_absorption, transmittance};
+use super::lookup::{Samples, Steps, apply, phase, xyz};
+use crate::basis::{Basis, SphericalHarmonics};
+use crate::stage::{LightRecord, MarchParams, shadow_kind};
+
+/// What the bindings of [`March`](crate::stage::March) hold.
+#[derive(Clone, Copy, Debug)]
+pub struct MarchInputs<'a> {
+    /// Density, x fastest.
+    pub density: &'a [f32],
+    /// Emission density, where it is not the density.
+    pub emission: Option<&'a [f32]>,
+    /// In-scattered radiance, laid out \[cell\]\[layer\].
+    pub in_scatter: Option<&'a [[f32; 4]]>,
+    /// Lights.
+    pub lights: &'a [LightRecord],
+    /// Sub-pixel positions and the phase function's table; the constants of spherical harmonics are not read.
+    pub tables: &'a [f32],
+    /// Texels of the environment.
+    pub environment: Option<&'a [[f32; 4]]>,
+    /// Surfaces behind the pixels.
+    pub surface: Option<&'a [[f32; 4]]>,
+}
+
+/// What [`March`](crate::stage::March) writes: eight values a pixel, which are premultiplied RGB and alpha,
+/// transmittance RGB and depth.
+///
+/// # Panics
+/// More bands than [`SphericalHarmonics`] has.
+pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
+    let bands = if params.cells[3] > 1 { params.bands } else { 1 };
+    let harmonics = SphericalHarmonics::new(bands).expect("bands that spherical harmonics have");
+    let mut film = Vec::new();
+    for y in 0..params.height {
+        for x in 0..params.width {
+            let mut color = DVec3::ZERO;
+            let mut through = DVec3::ZERO;
+            let (mut stopped, mut stopped_at) = (0.0, 0.0);
+            for s in 0..params.samples as usize {
+                let px = f64::from(x) + f64::from(inputs.tables[2 * s]);
+                let py = f64::from(y) + f64::from(inputs.tables[2 * s + 1]);
+                let a = 2.0 * px / f64::from(params.width) - 1.0;
+                let b = 1.0 - 2.0 * py / f64::from(params.height);
+                let d = (xyz(params.forward) + a * xyz(params.right) + b * xyz(params.up)).normalize();
+                let surface = inputs.surface.map(|s| s[(y * params.width + x) as usize]);
+                let path = Path::walk(params, inputs, &harmonics, d, surface.map_or(f64::INFINITY, |s| s[3].into()));
+                let behind = match (surface, inputs.environment) {
+                    (Some(surface), _) if surface[3].is_finite() => xyz(surface),
+                    (_, Some(texels)) => sky(params, texels, d),
+                    _ => DVec3::ZERO,
+                };
+                color += path.radiance + path.transmittance * behind;
+                through += path.transmittance;
+                stopped += path.stopped;
+                stopped_at += path.stopped_at;
+            }
+            let samples = f64::from(params.samples);
+            let (color, through) = (color / samples, through / samples);
+            film.extend([color.x, color.y, color.z, 1.0 - (through.x + through.y + through.z) / 3.0]);
+            let depth = if stopped > 0.0 { stopped_at / stopped } else { f64::INFINITY };
+            film.extend([through.x, through.y, through.z, depth]);
+        }
+    }
+    film
+}
+
+/// One view ray.
+struct Path {
+    radiance: DVec3,
+    transmittance: DVec3,
+    stopped: f64,
+    stopped_at: f64,
+}
+
+impl Path {
+    fn walk(
+        params: &MarchParams,
+        inputs: &MarchInputs<'_>,
+        harmonics: &SphericalHarmonics,
+        d: DVec3,
+        limit: f64,
+    ) -> Self {
+        let density = Samples::new(inputs.density, params.dims);
+        let emission = Samples::new(inputs.emission.unwrap_or(inputs.density), params.dims);
+        let rows = [params.index_x, params.index_y, params.index_z];
+        let steps = Steps::new(xyz(params.eye), apply(rows, d), params.dims, limit, params.step.into());
+        let mut path = Self { radiance: DVec3::ZERO, transmittance: DVec3::ONE, stopped: 0.0, stopped_at: 0.0 };
+        for k in 0..steps.count {
+            if path.transmittance.max_element() < f64::from(params.cut) {
+                break;
+            }
+            let (t, at) = steps.middle(k);
+            let extinction = density.trilinear(at) * xyz(params.extinction);
+            let light = gathered(params, inputs, harmonics, at, d) + direct(params, inputs, at, t, d);
+            let source = extinction * xyz(params.albedo) * light + emission.trilinear(at) * xyz(params.emission);
+            for c in 0..3 {
+                let sent = emission_absorption(source[c], extinction[c], steps.length);
+                path.radiance[c] += path.transmittance[c] * sent;
+                let left = path.transmittance[c] * transmittance(extinction[c] * steps.length);
+                path.stopped += path.transmittance[c] - left;
+                path.stopped_at += (path.transmittance[c] - left) * t;
+                path.transmittance[c] = left;
+            }
+        }
+        path
+    }
+}
+
+/// J from the field of in-scattered radiance.
+fn gathered(
+    params: &MarchParams,
+    inputs: &MarchInputs<'_>,
+    harmonics: &SphericalHarmonics,
+    at: DVec3,
+    d: DVec3,
+) -> DVec3 {
+    let Some(field) = inputs.in_scatter else { return DVec3::ZERO };
+    let place = (at + 0.5) * xyz(params.cells_per_voxel) - 0.5;
+    let layers = params.cells[3] as usize;
+    let layer = |k: usize| {
+        let values: Vec<_> = field.iter().skip(k).step_by(layers).copied().collect();
+        let layer = Samples::new(&values, params.cells);
+        if params.trilinear == 1 { layer.trilinear(place) } else { xyz(layer.nearest(place)) }
+    };
+    if layers == 1 {
+        return layer(0);
+    }
+    let mut values = vec![0.0; harmonics.count()];
+    harmonics.eval(d, &mut values);
+    values.iter().enumerate().map(|(k, y)| layer(k) * *y).sum()
+}
+
+/// J from the lights, at the point `at` of index space, `t` metres along the view ray.
+fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: DVec3) -> DVec3 {
+    let density = Samples::new(inputs.density, params.dims);
+    let rows = [params.index_x, params.index_y, params.index_z];
+    let table = &inputs.tables[params.phase_at as usize..][..params.phase_size as usize];
+    let mut sum = DVec3::ZERO;
+    for light in inputs.lights.iter().take(params.lights as usize) {
+        let (toward, distance, falloff) = if light.position[3] == 0.0 {
+            (xyz(light.position), f64::INFINITY, 1.0)
+        } else {
+            let way = xyz(light.position) - t * d;
+            let toward = way.normalize_or_zero();
+            (toward, way.length(), cone(light, toward) / way.length_squared().max(params.light_floor.into()))
+        };
+        let column = match params.shadow {
+            shadow_kind::MARCH => {
+                Steps::new(at, apply(rows, toward), params.dims, distance, params.step.into()).column(density)
+            }
+            _ => 0.0,
+        };
+        let arriving = xyz(light.power) * falloff * phase(params.phase_kind, params.phase, table, toward.dot(d));
+        sum += arriving * DVec3::from((xyz(params.extinction) * column).to_array().map(transmittance));
+    }
+    sum
+}
+
+/// What a spot's cone leaves of its intensity: linear in the angle from `beam` to `cutoff`. 1 for other lights.
+fn cone(light: &LightRecord, toward: DVec3) -> f64 {
+    let [beam, cutoff, spot, _] = light.cone.map(f64::from);
+    let angle = xyz(light.axis).dot(-toward).clamp(-1.0, 1.0).acos();
+    if spot == 0.0 || angle <= beam {
+        1.0
+    } else if angle >= cutoff {
+        0.0
+    } else {
+        (cutoff - angle) / (cutoff - beam)
+    }
+}
+
+/// The environment's radiance from `d`.
+fn sky(params: &MarchParams, texels: &[[f32; 4]], d: DVec3) -> DVec3 {
+    let (width, height) = (i64::from(params.environment_width), i64::from(params.environment_height));
+    let turns = d.x.atan2(-d.z) / (2.0 * PI) + f64::from(params.environment[3]);
+    let x = turns.rem_euclid(1.0) * width as f64 - 0.5;
+    let y = d.y.clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
+    let mut sum = DVec3::ZERO;
+    for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        let column = (x.floor() as i64 + right).rem_euclid(width);
+        let row = (y.floor() as i64 + below).clamp(0, height - 1);
+        let across = if right == 1 { x - x.floor() } else { 1.0 - (x - x.floor()) };
+        let down = if below == 1 { y - y.floor() } else { 1.0 - (y - y.floor()) };
+        sum += xyz(texels[(row * width + column) as usize]) * (across * down);
+    }
+    sum * xyz(params.environment)
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::reference::closed::LitBox;
+    use crate::stage::PhaseParams;
+
+    /// A homogeneous box of 0.6 × 0.6 × 0.4 m before an eye at (1.1, 0.9, 1.3), with a directional light.
+    fn lit() -> (MarchParams, LightRecord, LitBox) {
+        let eye = DVec3::new(1.1, 0.9, 1.3);
+        let edge = [0.2f64, 0.3, 0.1];
+        let mut params = MarchParams::zeroed();
+        params.dims = [3, 2, 4, 0];
+        let row = |a: usize| [0, 1, 2, 3].map(|i| if i == a { (1.0 / edge[a]) as f32 } else { 0.0 });
+        [params.index_x, params.index_y, params.index_z] = [row(0), row(1), row(2)];
+        params.eye = [0, 1, 2, 3].map(|a| if a < 3 { (eye[a] / edge[a] - 0.5) as f32 } else { 0.0 });
+        let forward = (DVec3::new(0.3, 0.3, 0.2) - eye).normalize();
+        let right = forward.cross(DVec3::Y).normalize();
+        let axes = [forward, right * 0.3, right.cross(forward) * 0.2];
+        [params.forward, params.right, params.up] = axes.map(|a| a.as_vec3().extend(0.0).to_array());
+        (params.width, params.height, params.samples) = (9, 6, 1);
+        (params.extinction, params.albedo) = ([3.0, 2.0, 1.0, 0.0], [0.9, 0.5, 1.0, 0.0]);
+        (params.step, params.cut, params.lights, params.shadow) = (1e-3, 0.0, 1, shadow_kind::MARCH);
+        (params.phase_kind, params.phase) = (PhaseParams::HENYEY_GREENSTEIN, [0.5, 0.0, 1.0, 0.0]);
+        params.phase_at = 2;
+        let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
+        let mut light = LightRecord::zeroed();
+        (light.position, light.power) = (to_light.as_vec3().extend(0.0).to_array(), [2.0, 2.0, 2.0, 0.0]);
+        let closed = LitBox {
+            min: DVec3::ZERO,
+            max: DVec3::new(0.6, 0.6, 0.4),
+            scattering: 0.0,
+            extinction: 0.0,
+            to_light,
+            irradiance: 2.0,
+        };
+        (params, light, closed)
+    }
+
+    #[test]
+    fn a_lit_box_is_closed() {
+        let (params, light, closed) = lit();
+        let density = 1.5f32;
+        let inputs = MarchInputs {
+            density: &[density; 24],
+            emission: None,
+            in_scatter: None,
+            lights: &[light],
+            tables: &[0.5, 0.5],
+            environment: None,
+            surface: None,
+        };
+        let film = march(&params, &inputs);
+        let mut seen = 0;
+        for (pixel, found) in film.chunks_exact(8).enumerate() {
+            let (x, y) = ((pixel % 9) as f64 + 0.5, (pixel / 9) as f64 + 0.5);
+            let ray =
+                xyz(params.forward) + (2.0 * x / 9.0 - 1.0) * xyz(params.right) + (1.0 - y / 3.0) * xyz(params.up);
+            let (eye, d) = (DVec3::new(1.1, 0.9, 1.3), ray.normalize());
+            let way = closed.clip(eye, d).map_or(0.0, |(near, far)| far - near);
+            let phase = crate::media::Phase::HenyeyGreenstein { g: 0.5 }.eval(closed.to_light.dot(d));
+            for c in 0..3 {
+                let extinction = f64::from(density * params.extinction[c]);
+                let scattering = extinction * f64::from(params.albedo[c]);
+                let expected = LitBox { extinction, scattering, ..closed }.single_scattering(phase, eye, d);
+                // Steps of 1 mm, of which the last toward the light ends up to a whole one off the wall; the
+                // parameters are rounded to f32.
+                assert!((found[c] - expected).abs() < 3e-3 * expected + 1e-7, "{pixel}: {} {expected}", found[c]);
+                let through = transmittance(extinction * way);
+                assert!((found[4 + c] - through).abs() < 1e-6, "{pixel}: {} {through}", found[4 + c]);
+            }
+            seen += usize::from(way > 0.1);
+            assert_eq!(found[7].is_finite(), way > 0.0, "a depth where something is stopped");
+        }
+        assert!(seen > 20, "{seen} pixels see the box");
+    }
+}
