@@ -57,7 +57,7 @@ pub(crate) fn run(options: &Options) -> Done {
     let begin = Instant::now();
     let outputs = outputs(options)?;
     let LoadedScene { scene, warnings, .. } = load(options)?;
-    warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    warnings.iter().for_each(|w| output::remark(&format!("warning: {w}")));
     let mut renderer = Renderer::new(airlight::open(&options.device)?);
     let loaded = begin.elapsed();
 

@@ -48,19 +48,19 @@ pub struct FieldSpec {
 }
 
 impl FieldSpec {
-    /// Texels of all layers.
+    /// Texels of all layers; `u64::MAX` where there are more.
     pub fn texels(&self) -> u64 {
-        self.dims.iter().map(|&d| u64::from(d)).product::<u64>() * u64::from(self.layers)
+        self.dims.iter().fold(self.layers.into(), |n: u64, &d| n.saturating_mul(d.into()))
     }
 
     /// Bytes of one z-slice.
     pub fn slice_bytes(&self) -> u64 {
-        u64::from(self.dims[0]) * u64::from(self.dims[1]) * self.format.bytes()
+        (u64::from(self.dims[0]) * u64::from(self.dims[1])).saturating_mul(self.format.bytes())
     }
 
     /// Bytes of all layers.
     pub fn bytes(&self) -> u64 {
-        self.texels() * self.format.bytes()
+        self.texels().saturating_mul(self.format.bytes())
     }
 }
 
@@ -102,6 +102,11 @@ impl<T> Buf<T> {
     /// A handle of the buffer `id` of `len` elements.
     pub fn new(id: ResourceId, len: u64) -> Self {
         Self { id, len, element: PhantomData }
+    }
+
+    /// Bytes of all elements; `u64::MAX` where there are more.
+    pub fn bytes(&self) -> u64 {
+        self.len.saturating_mul(size_of::<T>() as u64)
     }
 }
 
@@ -154,13 +159,13 @@ impl Binding {
 
     /// A buffer that is read.
     pub fn read<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
-        let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
+        let bytes = buf.map_or(0, |b| b.bytes());
         Self { name, id: buf.map(|b| b.id), access: BindingAccess::Read(bytes) }
     }
 
     /// A buffer that is written.
     pub fn write<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
-        let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
+        let bytes = buf.map_or(0, |b| b.bytes());
         Self { name, id: buf.map(|b| b.id), access: BindingAccess::Write(bytes) }
     }
 }
