@@ -106,7 +106,7 @@ impl Scene {
         }
         let metres = step * self.medium.voxel();
         if !(metres as f32).is_normal() {
-            let what = format!("step {step} makes steps of {metres:e} m, which is out of range for 32-bit floats");
+            let what = format!("step {step:?} makes steps of {metres:e} m, which is out of range for 32-bit floats");
             return Err(SceneError::Quality(what));
         }
         let (min, max) = self.medium.lattice().world_bounds();
