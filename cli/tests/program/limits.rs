@@ -57,7 +57,7 @@ fn a_full_disk_is_an_error_and_leaves_nothing() {
         fs::write(bench.out().join(&output), "old").unwrap();
         bench.end(bench.shell(small, "", ["render", scene, "--size", "200x150", "-o", &output])).failed(1, &[&output]);
         assert_eq!(fs::read(bench.out().join(&output)).unwrap(), b"old");
-        assert_eq!(bench.outputs(), [output.clone()]);
+        assert_eq!(bench.outputs(), std::slice::from_ref(&output));
         fs::remove_file(bench.out().join(&output)).unwrap();
     }
 }
