@@ -100,6 +100,10 @@ impl Device for CpuDevice {
         &self.info
     }
 
+    fn free_memory(&self) -> Option<u64> {
+        memory::free()
+    }
+
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
         if self.resources.contains_key(&id) {
             return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
@@ -116,7 +120,7 @@ impl Device for CpuDevice {
             }
         }
         let requested = spec.bytes();
-        let missing = || DeviceError::OutOfMemory { requested, available: memory::physical() };
+        let missing = || DeviceError::OutOfMemory { requested, available: memory::free() };
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
         memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;

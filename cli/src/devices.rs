@@ -1,6 +1,6 @@
 //! `airlight devices`
 
-use airlight::device::DeviceInfo;
+use airlight::device::{Bytes, DeviceInfo};
 use serde_json::{Value, json};
 
 use crate::{Done, output};
@@ -37,13 +37,13 @@ pub(crate) fn run(options: &Options) -> Done {
 }
 
 fn text(info: &DeviceInfo) -> String {
-    let memory = info.memory_bytes.map_or("unknown".into(), output::bytes);
+    let memory = info.memory_bytes.map_or("unknown".into(), |n| Bytes(n).to_string());
     format!(
         "{:<10} {}\n           {}, memory {memory}, largest buffer {}, longest field side {}\n           {}",
         info.id(),
         info.name,
         info.kind.as_str(),
-        output::bytes(info.limits.buffer_bytes),
+        Bytes(info.limits.buffer_bytes),
         info.limits.field_side,
         info.features.join(", "),
     )

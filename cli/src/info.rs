@@ -219,31 +219,36 @@ fn grid_values(path: &Path, name: &str) -> Result<Map<String, Value>, Failure> {
 
 /// Voxels of the largest grid that is walked one by one: more would take minutes.
 const MAX_WALK: u64 = 1 << 31;
+/// The largest slice of one: some values are held for each of its voxels, and a few voxels far apart make a large slice.
+const MAX_SLICE: u64 = 1 << 26;
+
+/// Whether a grid is small enough to be walked.
+fn walkable(dims: UVec3) -> bool {
+    let slice = u64::from(dims.x) * u64::from(dims.y);
+    slice <= MAX_SLICE && slice.saturating_mul(dims.z.into()) <= MAX_WALK
+}
 
 fn raw_range(grid: &Grid) -> Map<String, Value> {
+    if !walkable(grid.bounds().dims) {
+        return Map::from_iter([("range".to_owned(), Value::Null)]);
+    }
     let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
     let fill = |k: u32, out: &mut [f32]| grid.write_slice(grid.bounds(), grid.bounds().min.z + k as i32, out);
-    let walked = slices(grid.bounds().dims, fill, |_, slice| {
+    slices(grid.bounds().dims, fill, |_, slice| {
         for &v in slice {
             (min, max) = (min.min(v), max.max(v));
         }
     });
-    let range = if walked { json!([number(min.into()), number(max.into())]) } else { Value::Null };
-    Map::from_iter([("range".to_owned(), range)])
+    Map::from_iter([("range".to_owned(), json!([number(min.into()), number(max.into())]))])
 }
 
-/// Calls `visit` with every slice, unless there are too many voxels to visit.
-fn slices(dims: UVec3, mut fill: impl FnMut(u32, &mut [f32]), mut visit: impl FnMut(u32, &[f32])) -> bool {
-    let plane = u64::from(dims.x) * u64::from(dims.y);
-    if plane * u64::from(dims.z) > MAX_WALK {
-        return false;
-    }
-    let mut slice = vec![0.0f32; plane as usize];
+/// Calls `visit` with every slice of a grid that is [`walkable`].
+fn slices(dims: UVec3, mut fill: impl FnMut(u32, &mut [f32]), mut visit: impl FnMut(u32, &[f32])) {
+    let mut slice = vec![0.0f32; dims.x as usize * dims.y as usize];
     for k in 0..dims.z {
         fill(k, &mut slice);
         visit(k, &slice);
     }
-    true
 }
 
 /// Size, place, range, mean and largest columns of a density.
@@ -254,10 +259,14 @@ fn density(medium: &dyn Medium) -> Map<String, Value> {
     map.insert("dims".into(), json!(dims.to_array()));
     map.insert("bounds".into(), json!([min.to_array(), max.to_array()]));
     map.insert("voxel_edges".into(), json!(lattice.edges().to_array()));
+    if !walkable(dims) {
+        map.insert("range".into(), Value::Null);
+        return map;
+    }
     let (nx, ny) = (dims.x as usize, dims.y as usize);
     let (mut low, mut high, mut sum, mut filled) = (f32::INFINITY, 0.0f32, 0.0f64, 0u64);
     let (mut along_z, mut along_x, mut along_y) = (vec![0.0f64; nx * ny], 0.0f64, 0.0f64);
-    let walked = slices(
+    slices(
         dims,
         |k, out| medium.density_slice(k, out),
         |_, slice| {
@@ -277,15 +286,11 @@ fn density(medium: &dyn Medium) -> Map<String, Value> {
             along_y = down.into_iter().fold(along_y, f64::max);
         },
     );
-    if walked {
-        let edges = lattice.edges();
-        let columns = DVec3::new(along_x, along_y, along_z.into_iter().fold(0.0, f64::max)) * edges;
-        map.insert("range".into(), json!([number(low.into()), number(high.into())]));
-        map.insert("mean".into(), number(sum / lattice.voxels() as f64));
-        map.insert("filled".into(), number(filled as f64 / lattice.voxels() as f64));
-        map.insert("largest_column".into(), json!(columns.to_array().map(number)));
-    } else {
-        map.insert("range".into(), Value::Null);
-    }
+    let edges = lattice.edges();
+    let columns = DVec3::new(along_x, along_y, along_z.into_iter().fold(0.0, f64::max)) * edges;
+    map.insert("range".into(), json!([number(low.into()), number(high.into())]));
+    map.insert("mean".into(), number(sum / lattice.voxels() as f64));
+    map.insert("filled".into(), number(filled as f64 / lattice.voxels() as f64));
+    map.insert("largest_column".into(), json!(columns.to_array().map(number)));
     map
 }

@@ -46,8 +46,7 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            // A closed stderr is no reason to panic on the way out.
-            let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("error: {}\n", failure.message));
+            output::remark(&format!("error: {}", failure.message));
             ExitCode::from(failure.code)
         }
     }

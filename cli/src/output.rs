@@ -18,16 +18,9 @@ pub(crate) fn json(value: &serde_json::Value) -> Result<(), Failure> {
     line(&format!("{value:#}"))
 }
 
-/// A number of bytes in the unit that suits it.
-pub(crate) fn bytes(n: u64) -> String {
-    const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
-    let mut value = n as f64;
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < UNITS.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+/// Prints a line on standard error. There is nobody to tell where that is closed.
+pub(crate) fn remark(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// A float for JSON: numbers that JSON does not have become strings.
@@ -61,7 +54,5 @@ mod tests {
         assert_eq!(short(1234567.0), "1234567");
         assert_eq!(short(1.0 / 3.0), "0.333333");
         assert_eq!(short(-0.000012345678), "-0.0000123457");
-        assert_eq!(bytes(1536), "1.5 KiB");
-        assert_eq!(bytes(12), "12 B");
     }
 }

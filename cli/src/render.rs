@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use airlight::Renderer;
+use airlight::device::DeviceInfo;
 use airlight::exec::{Hooks, Rendered};
 use airlight::scene::{EnvironmentEstimate, LightsEstimate, Scene};
 use airlight_formats::image::{ToneMap, check_ending, write_film};
@@ -32,7 +33,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Exposure of .png in photographic stops: radiance is multiplied by 2^STOPS before tone mapping.
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
     exposure: f32,
     /// Put a value in place of the scene's, by dotted key: light.0.intensity=2. May repeat.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
@@ -48,6 +49,14 @@ fn size(text: &str) -> Result<(u32, u32), String> {
     Ok((side(w)?, side(h)?))
 }
 
+/// 2^±128 already leaves what f32 holds.
+fn stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(v) if v.abs() <= 128.0 => Ok(v),
+        _ => Err("a number of stops from -128 to 128 is needed".into()),
+    }
+}
+
 fn assignment(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("an assignment is written as key=value")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
@@ -55,9 +64,13 @@ fn assignment(text: &str) -> Result<(String, String), String> {
 
 pub(crate) fn run(options: &Options) -> Done {
     let begin = Instant::now();
+    if options.scene.is_dir() {
+        let what = format!("{}: is a folder; give the name of a scene, a .toml file", options.scene.display());
+        return Err(Failure::input(what));
+    }
     let outputs = outputs(options)?;
     let LoadedScene { scene, warnings, .. } = load(options)?;
-    warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    warnings.iter().for_each(|w| output::remark(&format!("warning: {w}")));
     let mut renderer = Renderer::new(airlight::open(&options.device)?);
     let loaded = begin.elapsed();
 
@@ -68,7 +81,10 @@ pub(crate) fn run(options: &Options) -> Done {
     drop(meter);
     let rendering = begin.elapsed() - loaded;
 
-    let metadata = metadata(&scene, &renderer, &rendered, rendering, options);
+    let info = renderer.device().info().clone();
+    // Writing takes memory again: what the device held makes room.
+    drop(renderer);
+    let metadata = metadata(&scene, &info, &rendered, rendering, options);
     let tone = ToneMap { exposure: options.exposure, ..ToneMap::default() };
     for path in &outputs {
         write_film(path, &rendered.film, &metadata, tone).map_err(Failure::output)?;
@@ -77,9 +93,8 @@ pub(crate) fn run(options: &Options) -> Done {
     if options.json {
         let seconds =
             json!({ "load": loaded.as_secs_f64(), "render": rendering.as_secs_f64(), "write": writing.as_secs_f64() });
-        return output::json(&report(&scene, &renderer, &rendered, &outputs, &warnings, seconds));
+        return output::json(&report(&scene, &info, &rendered, &outputs, &warnings, seconds));
     }
-    let info = renderer.device().info();
     let names: Vec<_> = outputs.iter().map(|p| p.display().to_string()).collect();
     let (w, h) = (scene.camera.width, scene.camera.height);
     output::line(&format!(
@@ -139,12 +154,11 @@ fn estimators(scene: &Scene) -> Vec<String> {
 /// What is written into the picture: device, estimators, version, settings, timing.
 fn metadata(
     scene: &Scene,
-    renderer: &Renderer,
+    info: &DeviceInfo,
     rendered: &Rendered,
     time: Duration,
     options: &Options,
 ) -> Vec<(String, String)> {
-    let info = renderer.device().info();
     let stages: Vec<_> =
         rendered.report.stages.iter().map(|s| format!("{} {:.3} s", s.stage, s.time.as_secs_f64())).collect();
     let settings: Vec<_> = options.set.iter().map(|(k, v)| format!("{k}={v}")).collect();
@@ -166,7 +180,7 @@ fn metadata(
 
 fn report(
     scene: &Scene,
-    renderer: &Renderer,
+    info: &DeviceInfo,
     rendered: &Rendered,
     outputs: &[PathBuf],
     warnings: &[String],
@@ -180,7 +194,7 @@ fn report(
         .collect();
     json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "device": devices::device(renderer.device().info()),
+        "device": devices::device(info),
         "size": [scene.camera.width, scene.camera.height],
         "samples": scene.camera.samples,
         "estimators": estimators(scene),

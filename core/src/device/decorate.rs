@@ -13,6 +13,10 @@ macro_rules! forward {
             self.inner.info()
         }
 
+        fn free_memory(&self) -> Option<u64> {
+            self.inner.free_memory()
+        }
+
         fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
             self.inner.create(id, spec)
         }

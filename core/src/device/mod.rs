@@ -3,6 +3,7 @@
 //! A [`Device`] holds resources under ids that the executor chooses, moves bytes in and out of them, and runs pieces
 //! of [`Stage`]s in order. It knows nothing of scenes, estimators or caching. A backend exports a [`Provider`].
 
+mod bytes;
 mod decorate;
 mod kernel;
 mod resource;
@@ -11,6 +12,7 @@ mod slabs;
 use std::ops::Range;
 use std::time::Duration;
 
+pub use bytes::Bytes;
 pub use decorate::{Fault, Faulty, Traced};
 pub use kernel::{KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout};
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
@@ -25,6 +27,11 @@ use crate::stage::Stage;
 pub trait Device: Send {
     /// What the device is and can do.
     fn info(&self) -> &DeviceInfo;
+
+    /// Bytes that could be had now, beside those that are already held; none where the device cannot tell.
+    fn free_memory(&self) -> Option<u64> {
+        None
+    }
 
     /// Makes the resource `id`, filled with zeros.
     ///
@@ -94,6 +101,11 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
+    /// Whether what the device holds lies in the same memory as what the host holds.
+    pub fn shares_host_memory(self) -> bool {
+        matches!(self, Self::Cpu | Self::IntegratedGpu | Self::SoftwareGpu)
+    }
+
     /// The kind in words, for lists and `--json`.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -149,7 +161,11 @@ impl DeviceInfo {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DeviceError {
     /// The memory is not there.
-    #[error("{requested} bytes could not be had{}", available.map(|a| format!(" ({a} available)")).unwrap_or_default())]
+    #[error(
+        "{} could not be had{}",
+        Bytes(*requested),
+        available.map(|a| format!(" ({} available)", Bytes(a))).unwrap_or_default()
+    )]
     OutOfMemory {
         /// Bytes asked for.
         requested: u64,

@@ -104,6 +104,11 @@ impl<T> Buf<T> {
     pub fn new(id: ResourceId, len: u64) -> Self {
         Self { id, len, element: PhantomData }
     }
+
+    /// Bytes of all elements; `u64::MAX` where there are more.
+    pub fn bytes(&self) -> u64 {
+        self.len.saturating_mul(size_of::<T>() as u64)
+    }
 }
 
 impl<T> Clone for Buf<T> {
@@ -159,13 +164,13 @@ impl Binding {
 
     /// A buffer that is read.
     pub fn read<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
-        let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
+        let bytes = buf.map_or(0, |b| b.bytes());
         Self { name, id: buf.map(|b| b.id), access: BindingAccess::Read(bytes), part: None }
     }
 
     /// A buffer that is written.
     pub fn write<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
-        let bytes = buf.map_or(0, |b| b.len * size_of::<T>() as u64);
+        let bytes = buf.map_or(0, |b| b.bytes());
         Self { name, id: buf.map(|b| b.id), access: BindingAccess::Write(bytes), part: None }
     }
 

@@ -1,6 +1,6 @@
 //! What can go wrong between a scene and its film.
 
-use crate::device::DeviceError;
+use crate::device::{Bytes, DeviceError};
 use crate::scene::SceneError;
 
 /// Why a plan did not run to its end.
@@ -27,11 +27,16 @@ pub enum ExecError {
         what: String,
     },
     /// The plan needs more memory than there is; nothing was allocated.
-    #[error("{device}: the picture needs {needed} bytes and {budget} are there ({largest})")]
+    #[error(
+        "{device}: this needs {} of memory and {} may be used (largest: {largest}); a medium of fewer voxels (every \
+         grid is laid out dense), a smaller picture or fewer cells and bands need less",
+        Bytes(*needed),
+        Bytes(*budget)
+    )]
     Memory {
         /// Name of the device.
         device: String,
-        /// Bytes of all resources.
+        /// Bytes of all resources, and of what the host needs where both share their memory.
         needed: u64,
         /// Bytes that may be used.
         budget: u64,

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::error::ExecError;
 use super::key::Key;
 use super::plan::{Declared, Node, Plan, Slots, Work};
-use crate::device::{Buf, Device, DeviceError, ResourceId, ResourceSpec};
+use crate::device::{Buf, Bytes, Device, DeviceError, FieldSpec, ResourceId, ResourceSpec};
 use crate::stage::Stage;
 
 /// How far a plan has come.
@@ -85,8 +85,7 @@ const FIRST_PIECES: u32 = 64;
 impl Executor {
     /// An executor of plans on `device`.
     pub fn new(device: Box<dyn Device>) -> Self {
-        // A tenth is left to the system and to the device's own needs.
-        let budget = device.info().memory_bytes.map(|bytes| bytes / 10 * 9);
+        let budget = device.info().memory_bytes.map(most_of);
         Self { device, slots: Slots::default(), held: HashMap::new(), pace: HashMap::new(), budget, frame: 0 }
     }
 
@@ -95,7 +94,8 @@ impl Executor {
         self.device.as_ref()
     }
 
-    /// Sets how many bytes a plan's resources may take; by default nine tenths of the device's memory.
+    /// Sets how many bytes a plan's resources may take; by default nine tenths of the device's memory. What the device
+    /// has free at the time bounds it further.
     pub fn set_budget(&mut self, bytes: u64) {
         self.budget = Some(bytes);
     }
@@ -135,26 +135,43 @@ impl Executor {
         Ok((result, run.report))
     }
 
+    /// Reads a part of a buffer of the last plan, from element `first` on.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn read_into<T: bytemuck::Pod>(&mut self, buf: Buf<T>, first: u64, out: &mut [T]) -> Result<(), ExecError> {
+        let offset = first.saturating_mul(size_of::<T>() as u64);
+        let read = self.device.read(buf.id, offset, bytemuck::cast_slice_mut(out));
+        read.map_err(|error| self.reading(error))
+    }
+
+    fn reading(&self, error: DeviceError) -> ExecError {
+        ExecError::Device { device: self.device.info().name.clone(), stage: "reading back".into(), error }
+    }
+
     /// Reads a buffer of the last plan.
     ///
     /// # Errors
     /// A device fault.
     pub fn read<T: bytemuck::Pod>(&mut self, buf: Buf<T>) -> Result<Vec<T>, ExecError> {
-        let fail = |device: &dyn Device, error| ExecError::Device {
-            device: device.info().name.clone(),
-            stage: "reading back".into(),
-            error,
-        };
-        let mut out = Vec::new();
-        if out.try_reserve_exact(buf.len as usize).is_err() {
-            let requested = buf.len * size_of::<T>() as u64;
-            return Err(fail(self.device.as_ref(), DeviceError::OutOfMemory { requested, available: None }));
-        }
+        let mut out = self.room(buf.len)?;
         out.resize(buf.len as usize, T::zeroed());
-        let read = self.device.read(buf.id, 0, bytemuck::cast_slice_mut(&mut out));
-        read.map_err(|error| fail(self.device.as_ref(), error))?;
+        self.read_into(buf, 0, &mut out)?;
         Ok(out)
     }
+
+    /// An empty vector with room on the host for `len` elements that will be read back.
+    pub(super) fn room<T>(&self, len: u64) -> Result<Vec<T>, ExecError> {
+        let mut out = Vec::new();
+        let requested = len.saturating_mul(size_of::<T>() as u64);
+        let reserved = usize::try_from(len).is_ok_and(|len| out.try_reserve_exact(len).is_ok());
+        if reserved { Ok(out) } else { Err(self.reading(DeviceError::OutOfMemory { requested, available: None })) }
+    }
+}
+
+/// Memory of which a tenth is left to the system and to the device's own needs.
+fn most_of(bytes: u64) -> u64 {
+    bytes / 10 * 9
 }
 
 struct Run<'r> {
@@ -173,19 +190,32 @@ impl Run<'_> {
 
     /// Frees what the plan does not name, and creates what it does, after checking that all of it fits.
     fn allocate(&mut self, plan: &Plan<'_>, budget: Option<u64>) -> Result<(), ExecError> {
-        let needed = plan.declared.values().map(|d| d.spec.bytes()).fold(0, u64::saturating_add);
-        if let Some(budget) = budget.filter(|b| needed > *b) {
+        let resources = plan.declared.values().map(|d| d.spec.bytes()).fold(0, u64::saturating_add);
+        let host = if self.device.info().kind.shares_host_memory() { plan.host } else { 0 };
+        let needed = resources.saturating_add(host);
+        let held = self.held.values().map(|h| h.spec.bytes()).fold(0, u64::saturating_add);
+        // A steady frame takes nothing new and need not ask.
+        let grows = plan.declared.iter().any(|(id, d)| self.held.get(id).is_none_or(|h| h.spec != d.spec));
+        let free = if grows { self.device.free_memory() } else { None };
+        let room = free.map(|free| most_of(free).saturating_add(held));
+        if let Some(budget) = budget.into_iter().chain(room).min().filter(|b| needed > *b) {
             let mut sizes: Vec<_> = plan.declared.iter().map(|(id, d)| (d.spec.bytes(), *id)).collect();
             sizes.sort_unstable_by_key(|&(bytes, id)| (std::cmp::Reverse(bytes), id));
             let largest: Vec<_> = sizes
                 .iter()
                 .take(3)
-                .map(|(bytes, id)| format!("{} {bytes}", plan.slots.names[id.0 as usize]))
+                .map(|&(bytes, id)| {
+                    let shape = match plan.declared[&id].spec {
+                        ResourceSpec::Field(FieldSpec { dims: [x, y, z], .. }) => format!(" of {x} × {y} × {z}"),
+                        ResourceSpec::Buffer { .. } => String::new(),
+                    };
+                    format!("{}{shape} {}", plan.slots.names[id.0 as usize], Bytes(bytes))
+                })
                 .collect();
             let device = self.device.info().name.clone();
             return Err(ExecError::Memory { device, needed, budget, largest: largest.join(", ") });
         }
-        self.report.bytes = needed;
+        self.report.bytes = resources;
         let keeps = |id: &ResourceId, held: &Held| plan.declared.get(id).is_some_and(|d| d.spec == held.spec);
         let dropped: Vec<_> = self.held.iter().filter(|(id, h)| !keeps(id, h)).map(|(id, _)| *id).collect();
         for id in dropped {

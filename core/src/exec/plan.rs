@@ -68,13 +68,23 @@ pub struct Plan<'a> {
     pub(super) nodes: Vec<Node<'a>>,
     pub(super) declared: HashMap<ResourceId, Declared>,
     pub(super) states: Vec<String>,
+    /// Bytes that the host takes for itself while the plan runs and after.
+    pub(super) host: u64,
     keys: HashMap<ResourceId, Key>,
     frame: u64,
 }
 
 impl<'a> Plan<'a> {
     pub(super) fn new(slots: &'a mut Slots, frame: u64) -> Self {
-        Self { slots, nodes: Vec::new(), declared: HashMap::new(), states: Vec::new(), keys: HashMap::new(), frame }
+        Self {
+            slots,
+            nodes: Vec::new(),
+            declared: HashMap::new(),
+            states: Vec::new(),
+            host: 0,
+            keys: HashMap::new(),
+            frame,
+        }
     }
 
     fn declare(&mut self, slot: &str, spec: ResourceSpec, reset: Option<Key>) -> ResourceId {
@@ -82,6 +92,12 @@ impl<'a> Plan<'a> {
         let earlier = self.declared.insert(id, Declared { spec, reset });
         assert!(earlier.is_none(), "two resources of one plan are named {slot}");
         id
+    }
+
+    /// Counts bytes that the host needs beside the plan's resources, so that they are known to be there where host
+    /// and device share their memory.
+    pub fn host(&mut self, bytes: u64) {
+        self.host = self.host.saturating_add(bytes);
     }
 
     /// A buffer that a stage writes.
@@ -95,7 +111,7 @@ impl<'a> Plan<'a> {
     }
 
     fn buffer<T: Pod>(&mut self, slot: &str, len: u64, usage: Usage) -> Buf<T> {
-        let bytes = len * size_of::<T>() as u64;
+        let bytes = len.saturating_mul(size_of::<T>() as u64);
         Buf::new(self.declare(slot, ResourceSpec::Buffer { bytes, usage }, None), len)
     }
 
@@ -135,6 +151,7 @@ impl<'a> Plan<'a> {
         mut slice: impl FnMut(u32, &mut [f32]) + 'a,
     ) -> Field {
         let id = self.declare(slot, ResourceSpec::Field(spec), None);
+        self.host(spec.slice_bytes());
         let fill: Fill<'a> = Box::new(move |device, id| {
             let bytes = spec.slice_bytes();
             let mut texels = vec![0.0f32; (bytes / 4) as usize];
@@ -155,7 +172,7 @@ impl<'a> Plan<'a> {
 
     /// A state of `len` elements that frames hand on. It becomes zeros when `reset` changes or the size does.
     pub fn state<T: Pod>(&mut self, slot: &str, len: u64, reset: &impl Hash) -> State<T> {
-        let bytes = len * size_of::<T>() as u64;
+        let bytes = len.saturating_mul(size_of::<T>() as u64);
         let key = Key::of("reset", &(len, reset));
         let swapped = *self.slots.swapped.entry(slot.to_owned()).or_default();
         let spec = ResourceSpec::Buffer { bytes, usage: Usage::Work };
@@ -195,7 +212,7 @@ impl<'a> Plan<'a> {
 
     /// The field of what stages wrote into `from`.
     pub fn publish<T: Pod>(&mut self, slot: &str, from: Buf<T>, spec: FieldSpec) -> Field {
-        assert_eq!(from.len * size_of::<T>() as u64, spec.bytes(), "{slot} differs in size from what it is made of");
+        assert_eq!(from.bytes(), spec.bytes(), "{slot} differs in size from what it is made of");
         let id = self.declare(slot, ResourceSpec::Field(spec), None);
         let key = Key::of("publish", &(spec, self.keys.get(&from.id)));
         self.keys.insert(id, key);

@@ -28,6 +28,9 @@ pub struct Renderer {
 /// Voxels along each side of a cell of the march's occupancy.
 const OCCUPANCY: u32 = 8;
 
+/// Pixels that are read back at a time: 2 MiB.
+const READ: u64 = 1 << 16;
+
 /// 1/r² is floored at the distance of this part of [`Medium::voxel`](crate::media::Medium::voxel), where a point light
 /// would shine infinitely.
 const LIGHT_FLOOR: f64 = 0.01;
@@ -64,16 +67,31 @@ impl Renderer {
         scene.validate()?;
         // The plan borrows the executor for as long as the scene: both end with this call.
         let (film, report) = self.executor.run(hooks, |plan| plan_frame(scene, plan))?;
-        let vectors = self.executor.read(film)?;
-        let pixels = vectors.chunks_exact(2);
-        let film = Film {
-            width: scene.camera.width,
-            height: scene.camera.height,
-            beauty: pixels.clone().map(|p| p[0]).collect(),
-            transmittance: pixels.clone().map(|p| [p[1][0], p[1][1], p[1][2]]).collect(),
-            depth: pixels.map(|p| p[1][3]).collect(),
-        };
-        Ok(Rendered { film, report })
+        Ok(Rendered { film: self.read_film(scene, film)?, report })
+    }
+
+    /// Reads the film back a few rows at a time: a second copy of a large picture may be more than there is room for.
+    fn read_film(&mut self, scene: &Scene, from: Buf<[f32; 4]>) -> Result<Film, RenderError> {
+        let (width, height) = (scene.camera.width, scene.camera.height);
+        let pixels = u64::from(width) * u64::from(height);
+        let mut beauty = self.executor.room(pixels)?;
+        let mut transmittance = self.executor.room(pixels)?;
+        let mut depth = self.executor.room(pixels)?;
+        let mut part = vec![[0.0; 4]; 2 * READ.min(pixels) as usize];
+        let mut at = 0;
+        while at < pixels {
+            let count = READ.min(pixels - at);
+            let part = &mut part[..2 * count as usize];
+            self.executor.read_into(from, 2 * at, part)?;
+            for pixel in part.chunks_exact(2) {
+                let [r, g, b, distance] = pixel[1];
+                beauty.push(pixel[0]);
+                transmittance.push([r, g, b]);
+                depth.push(distance);
+            }
+            at += count;
+        }
+        Ok(Film { width, height, beauty, transmittance, depth })
     }
 }
 
@@ -130,7 +148,7 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
     let cells = [0, 1, 2].map(|a| grid.dims[a].div_ceil(OCCUPANCY));
     params.occupancy_cells = [cells[0], cells[1], cells[2], OCCUPANCY];
     let side = OCCUPANCY as f32;
-    let occupancy = plan.work("occupancy", cells.iter().map(|&c| u64::from(c)).product());
+    let occupancy = plan.work("occupancy", cells.iter().fold(1, |n: u64, &c| n.saturating_mul(c.into())));
     plan.stage(Stage::Reduce(Reduce {
         params: ReduceParams {
             dims: grid.dims,
@@ -166,6 +184,8 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
     tables.extend(phase.table);
     let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
     let pixels = u64::from(camera.width) * u64::from(camera.height);
+    // The film as the caller gets it.
+    plan.host(pixels * size_of::<[[f32; 4]; 2]>() as u64);
     let march = March {
         params,
         density: medium.density,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, IVec3, UVec3};
 
-use super::{EmissionDensity, Lattice, Medium, MediumError};
+use super::{EmissionDensity, Lattice, Medium, MediumError, in_range};
 use crate::Version;
 
 /// Voxels along each side of a [`Brick`].
@@ -239,7 +239,7 @@ impl GridMedium {
     /// the union of the two grids' bounds.
     ///
     /// # Errors
-    /// A density that is negative or not finite; grids whose indices do not share one map to the world; a lattice
+    /// A density that is negative, not finite or above [`LARGEST`](super::LARGEST); grids whose indices do not share one map to the world; a lattice
     /// that [`Lattice::new`] refuses.
     pub fn new(density: Arc<Grid>, emission: Option<Arc<Grid>>) -> Result<Self, MediumError> {
         let mut window = density.bounds();
@@ -251,11 +251,7 @@ impl GridMedium {
             }
             window = window.union(grid.bounds());
             grid.check(|p, value| {
-                if value.is_finite() && value >= 0.0 {
-                    Ok(())
-                } else {
-                    Err(MediumError::Density { value, x: p.x, y: p.y, z: p.z })
-                }
+                if in_range(value) { Ok(()) } else { Err(MediumError::Density { value, x: p.x, y: p.y, z: p.z }) }
             })?;
         }
         let to_window = DAffine3::from_translation(window.min.as_dvec3());
@@ -302,9 +298,9 @@ impl Homogeneous {
     /// A box from `min` to `max` (metres) of constant `density`.
     ///
     /// # Errors
-    /// A box without volume; a density that is negative or not finite.
+    /// A box without volume; a density that is negative, not finite or above [`LARGEST`](super::LARGEST).
     pub fn new(density: f32, min: DVec3, max: DVec3) -> Result<Self, MediumError> {
-        if !(density.is_finite() && density >= 0.0) {
+        if !in_range(density) {
             return Err(MediumError::Density { value: density, x: 0, y: 0, z: 0 });
         }
         Ok(Self { lattice: Lattice::in_box(UVec3::ONE, min, max)?, density, version: Version::fresh() })
@@ -376,7 +372,7 @@ mod tests {
 
     #[test]
     fn densities_are_judged_with_their_place() {
-        for bad in [f32::NAN, -1.0, f32::INFINITY] {
+        for bad in [f32::NAN, -1.0, f32::INFINITY, 1e16] {
             let mut values = vec![0.0; 24];
             values[1 + 2 + 12] = bad;
             let grid = Grid::dense(UVec3::new(2, 3, 4), DAffine3::IDENTITY, values).unwrap();

@@ -1,6 +1,6 @@
 //! Where the samples of a field lie in the world.
 
-use glam::{DAffine3, DVec3, UVec3};
+use glam::{DAffine3, DMat3, DVec3, UVec3};
 
 use super::MediumError;
 
@@ -18,7 +18,8 @@ impl Lattice {
     /// A lattice of `dims` samples placed by `index_to_world`.
     ///
     /// # Errors
-    /// A side of zero, or of more than 2³¹ - 1 samples; a map that is singular or not finite.
+    /// A side of zero, or of more than 2³¹ - 1 samples; a map that is singular or not finite, or whose scale f32 does
+    /// not hold.
     pub fn new(dims: UVec3, index_to_world: DAffine3) -> Result<Self, MediumError> {
         if dims.min_element() == 0 || dims.max_element() > i32::MAX as u32 {
             return Err(MediumError::Dims { x: dims.x.into(), y: dims.y.into(), z: dims.z.into() });
@@ -27,7 +28,13 @@ impl Lattice {
         let world_to_index = index_to_world.inverse();
         // Relative to the edges: a box of nanometres is as good as one of light years, a flat one is not.
         let flatness = m.determinant().abs() / (m.x_axis.length() * m.y_axis.length() * m.z_axis.length());
-        let sound = index_to_world.is_finite() && world_to_index.is_finite() && flatness > 1e-9;
+        // Kernels see both linear maps as f32.
+        let scale = |m: DMat3| [m.x_axis, m.y_axis, m.z_axis].map(|a| (a.length() as f32).is_normal()) == [true; 3];
+        let sound = index_to_world.is_finite()
+            && world_to_index.is_finite()
+            && flatness > 1e-9
+            && scale(m)
+            && scale(world_to_index.matrix3);
         if !sound {
             return Err(MediumError::Transform(format!(
                 "axes {:?} {:?} {:?}, origin {:?}",
@@ -59,9 +66,9 @@ impl Lattice {
         self.dims
     }
 
-    /// The number of samples.
+    /// The number of samples; `u64::MAX` where there are more.
     pub fn voxels(&self) -> u64 {
-        u64::from(self.dims.x) * u64::from(self.dims.y) * u64::from(self.dims.z)
+        (u64::from(self.dims.x) * u64::from(self.dims.y)).saturating_mul(self.dims.z.into())
     }
 
     /// Takes the index of a sample to the world, in metres.
@@ -128,5 +135,9 @@ mod tests {
             Lattice::in_box(UVec3::ONE, DVec3::ZERO, DVec3::new(1.0, f64::NAN, 1.0)),
             Err(MediumError::Bounds { .. })
         ));
+        for side in [1e-42, 1e42] {
+            let lattice = Lattice::in_box(UVec3::ONE, DVec3::ZERO, DVec3::splat(side));
+            assert!(matches!(lattice, Err(MediumError::Transform(_))), "{side}");
+        }
     }
 }

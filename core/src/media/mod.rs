@@ -43,7 +43,7 @@ pub enum MediumError {
         found: u64,
     },
     /// A density that no medium can have.
-    #[error("density {value} at voxel ({x}, {y}, {z}); densities must be finite and not negative")]
+    #[error("density {value} at voxel ({x}, {y}, {z}); densities must be from 0 to {max:e}", max = LARGEST)]
     Density {
         /// The offending value.
         value: f32,
@@ -65,6 +65,14 @@ pub enum MediumError {
         /// Upper corner in metres.
         max: [f64; 3],
     },
+}
+
+/// The largest density and the largest coefficient of optics, so that the optical depth of any step stays within f32.
+pub const LARGEST: f32 = 1e15;
+
+/// Whether `v` is from 0 to [`LARGEST`].
+fn in_range(v: f32) -> bool {
+    (0.0..=LARGEST).contains(&v)
 }
 
 /// A participating medium's density on its lattice.

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Phase, PhaseError};
+use super::{LARGEST, Phase, PhaseError, in_range};
 
 /// Optical properties that hold everywhere in a medium, per channel of linear RGB.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,13 +21,13 @@ pub struct Optics {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OpticsError {
     /// Extinction is negative or not finite.
-    #[error("extinction {0} is not a finite number of at least 0")]
+    #[error("extinction {0} is not a finite number of at least 0 and at most {max:e}", max = LARGEST)]
     Extinction(Vec3),
     /// Albedo leaves [0, 1].
     #[error("albedo {0} is not within 0 to 1")]
     Albedo(Vec3),
     /// Emission is negative or not finite.
-    #[error("emission {0} is not a finite number of at least 0")]
+    #[error("emission {0} is not a finite number of at least 0 and at most {max:e}", max = LARGEST)]
     Emission(Vec3),
     /// The phase function is out of range.
     #[error(transparent)]
@@ -50,7 +50,7 @@ impl Optics {
     /// # Errors
     /// The first property that is out of range.
     pub fn validate(&self) -> Result<(), OpticsError> {
-        let not_negative = |v: Vec3| v.is_finite() && v.min_element() >= 0.0;
+        let not_negative = |v: Vec3| v.to_array().into_iter().all(in_range);
         if !not_negative(self.extinction) {
             return Err(OpticsError::Extinction(self.extinction));
         }

@@ -83,7 +83,7 @@ impl Camera {
     /// norm(f + a r + b u), b upward.
     pub fn axes(&self) -> [DVec3; 3] {
         let f = (self.target - self.origin).normalize();
-        let r = f.cross(self.up).normalize();
+        let r = f.cross(self.up.normalize()).normalize();
         let u = r.cross(f);
         let t = (0.5 * self.fov.to_radians()).tan();
         [f, r * (t * f64::from(self.width) / f64::from(self.height)), u * t]

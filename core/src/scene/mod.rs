@@ -6,6 +6,8 @@ mod film;
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Records,
@@ -66,12 +68,19 @@ pub enum SceneError {
     /// An estimator's options.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
+    /// The eye.
+    #[error("camera origin {0} is too far from the medium for 32-bit floats")]
+    Eye(DVec3),
     /// The march.
     #[error("{0}")]
     Quality(String),
 }
 
 impl Scene {
+    /// The most view steps along the diagonal of the medium's bounds. Kernels count steps in f32, which ends at 2²⁴;
+    /// some bits are left for the place within a step.
+    pub const MAX_STEPS: f64 = (1u32 << 20) as f64;
+
     /// Checks everything that can be checked without a device. Lights and media check themselves when made.
     ///
     /// # Errors
@@ -82,11 +91,34 @@ impl Scene {
         if let Some(environment) = &self.environment {
             environment.validate()?;
         }
-        let step = self.quality.step;
+        let lattice = self.medium.lattice();
+        if !lattice.world_to_index().transform_point3(self.camera.origin).as_vec3().is_finite() {
+            return Err(SceneError::Eye(self.camera.origin));
+        }
+        self.validate_step(self.quality.step)?;
+        Ok(self.estimate.validate(&self.optics.phase)?)
+    }
+
+    fn validate_step(&self, step: f64) -> Result<(), SceneError> {
         // Below a thousandth of a voxel a ray through one voxel would take more steps than f32 can tell apart.
         if !(step.is_finite() && step >= 1e-3) {
             return Err(SceneError::Quality(format!("step {step} is not a finite number of at least 0.001 voxels")));
         }
-        Ok(self.estimate.validate(&self.optics.phase)?)
+        let metres = step * self.medium.voxel();
+        if !(metres as f32).is_normal() {
+            let what = format!("step {step:?} makes steps of {metres:e} m, which is out of range for 32-bit floats");
+            return Err(SceneError::Quality(what));
+        }
+        let (min, max) = self.medium.lattice().world_bounds();
+        let steps = (max - min).length() / metres;
+        if steps > Self::MAX_STEPS {
+            let least = step * steps / Self::MAX_STEPS;
+            return Err(SceneError::Quality(format!(
+                "step {step} makes up to {steps:.0} steps on a ray through the medium; at most {} are marched, which \
+                 a step of {least:.3} keeps to",
+                Self::MAX_STEPS
+            )));
+        }
+        Ok(())
     }
 }

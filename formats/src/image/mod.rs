@@ -72,11 +72,15 @@ pub fn read_image(path: &Path) -> Result<LoadedImage, FormatError> {
 
 /// Opens a regular file.
 fn open(path: &Path) -> Result<BufReader<File>, FormatError> {
-    let file = File::open(path).map_err(FormatError::io(path))?;
-    let kind = file.metadata().map_err(FormatError::io(path))?;
+    // Before it is opened: opening a pipe waits for its other end.
+    let kind = std::fs::metadata(path).map_err(FormatError::io(path))?;
+    if kind.is_dir() {
+        return Err(FormatError::unsupported(path, "is a folder; a picture is a file"));
+    }
     if !kind.is_file() {
         return Err(FormatError::unsupported(path, "is not a regular file"));
     }
+    let file = File::open(path).map_err(FormatError::io(path))?;
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 

@@ -151,6 +151,7 @@ fn responsible(error: &SceneError) -> String {
         SceneError::Environment(_) => "environment",
         SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("estimate.environment.{key}"),
         SceneError::Estimate(EstimateError::Conflict(_)) => "estimate.environment.content",
+        SceneError::Eye(_) => "camera.origin",
         SceneError::Quality(_) => "quality.step",
     };
     key.to_owned()

@@ -232,7 +232,7 @@ fn grids_that_cannot_be_used_are_told_at_their_key() {
     );
     assert_eq!(
         told("file = \"cloud.vdb\"\ngrid = \"broken\""),
-        "6:8: medium.file: scenes/cloud.vdb: density -1 at voxel (0, 0, 0); densities must be finite and not negative"
+        "6:8: medium.file: scenes/cloud.vdb: density -1 at voxel (0, 0, 0); densities must be from 0 to 1e15"
     );
     assert_eq!(told("grid = \"density\""), "4:1: medium.file is missing, as in file = \"cloud.vdb\"");
     assert_eq!(

@@ -1,0 +1,112 @@
+//! The stages and the frames on every device that can be opened.
+
+use std::time::Duration;
+
+use airlight::Renderer;
+use airlight::device::Device;
+use airlight_benches::{Frame, Rig, View, density, lattice, scene, trilinear_sum};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+
+/// The ids of the devices that can be opened. Those that cannot are told of.
+fn devices() -> Vec<String> {
+    let mut ids = Vec::new();
+    for backend in airlight::devices() {
+        match backend.devices {
+            Ok(devices) => ids.extend(devices.iter().map(|info| info.id())),
+            Err(reason) => eprintln!("SKIPPED: {}: {reason}", backend.name),
+        }
+    }
+    ids.retain(|id| match airlight::open(id) {
+        Ok(_) => true,
+        Err(reason) => {
+            eprintln!("SKIPPED: {reason}");
+            false
+        }
+    });
+    ids
+}
+
+fn open(id: &str) -> Box<dyn Device> {
+    airlight::open(id).expect("it was opened before")
+}
+
+fn group<'c>(criterion: &'c mut Criterion, name: &str) -> BenchmarkGroup<'c, WallTime> {
+    let mut group = criterion.benchmark_group(name);
+    group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    group
+}
+
+fn stages(criterion: &mut Criterion) {
+    let view = View::new(256, 192);
+    for name in ["reduce", "project", "relight", "march"] {
+        let mut group = group(criterion, &format!("stage/{name}"));
+        for id in devices() {
+            let mut rig = Rig::new(open(&id)).expect("the density fits");
+            let made = match name {
+                "reduce" => rig.reduce(),
+                "project" => rig.project(),
+                "relight" => rig.relight(),
+                _ => rig.march(&view),
+            };
+            let (stage, elements) = made.expect("its resources fit");
+            group.throughput(Throughput::Elements(elements));
+            group.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
+        }
+    }
+}
+
+fn frames(criterion: &mut Criterion) {
+    for frame in Frame::ALL {
+        let mut group = group(criterion, &format!("frame/{}", frame.name()));
+        let camera = scene(frame).camera;
+        group.throughput(Throughput::Elements(u64::from(camera.width) * u64::from(camera.height)));
+        for id in devices() {
+            // Reading the film back is part of a frame, and waits for the device.
+            let mut next = frame.start(open(&id)).expect("the first frame is rendered");
+            group.bench_function(id, |b| b.iter(|| next().expect("the frame is rendered")));
+        }
+    }
+}
+
+/// What comes before the first frame, each part by itself.
+fn prepare(criterion: &mut Criterion) {
+    let mut opening = group(criterion, "prepare/open");
+    for id in devices() {
+        opening.bench_function(&id, |b| b.iter_with_large_drop(|| open(&id)));
+    }
+    opening.finish();
+
+    let mut uploading = group(criterion, "prepare/upload");
+    let values = density();
+    uploading.throughput(Throughput::Elements(lattice().voxels()));
+    for id in devices() {
+        let mut rig = Rig::new(open(&id)).expect("the density fits");
+        uploading.bench_function(id, |b| b.iter(|| rig.upload(&values).expect("the density is written")));
+    }
+    uploading.finish();
+
+    // Allocation, compilation, upload, records and march on a device just opened. `frame/records-dynamic-medium` is
+    // the same without allocation and compilation.
+    let mut first = group(criterion, "prepare/first-frame");
+    let scene = scene(Frame::RecordsStatic);
+    for id in devices() {
+        let fresh = || Renderer::new(open(&id));
+        let render = |mut renderer: Renderer| {
+            renderer.render(&scene).expect("the frame is rendered");
+            renderer
+        };
+        first.bench_function(&id, |b| b.iter_batched(fresh, render, criterion::BatchSize::PerIteration));
+    }
+    first.finish();
+}
+
+fn baseline(criterion: &mut Criterion) {
+    let mut group = group(criterion, "baseline/trilinear");
+    let (view, values) = (View::new(256, 192), density());
+    group.throughput(Throughput::Elements(view.samples()));
+    group.bench_function("safe-rust", |b| b.iter(|| trilinear_sum(&values, &view)));
+}
+
+criterion_group!(benches, baseline, stages, frames, prepare);
+criterion_main!(benches);

@@ -1,0 +1,278 @@
+//! Single stages on resources of their own.
+
+use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
+use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
+use airlight::glam::DVec3;
+use airlight::scene::Camera;
+use airlight::stage::{
+    GridParams, March, MarchParams, Project, ProjectParams, Reduce, ReduceParams, Relight, RelightParams, Stage,
+    shadow_kind,
+};
+use bytemuck::{Pod, Zeroable};
+
+use crate::{BOUNDS, DIMS, density, lattice};
+
+/// Record cells along x, y and z.
+const CELLS: [u32; 3] = [36, 24, 28];
+/// 12·n² directions, with n = 2.
+const NSIDE: u32 = 2;
+const BANDS: u32 = 3;
+/// Thin enough that no ray ends before the box does.
+const EXTINCTION: f32 = 0.5;
+
+/// A ray of the view, in index space.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    start: [f32; 3],
+    step: [f32; 3],
+    /// Number of samples.
+    pub steps: u32,
+}
+
+impl Ray {
+    /// Sample `k`, the middle of its step.
+    pub fn at(&self, k: u32) -> [f32; 3] {
+        let t = k as f32 + 0.5;
+        [0, 1, 2].map(|a| self.start[a] + t * self.step[a])
+    }
+}
+
+/// A picture of the whole box, in steps of a voxel.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// The ray of each pixel.
+    pub rays: Vec<Ray>,
+}
+
+impl View {
+    /// Of `width` × `height` pixels.
+    pub fn new(width: u32, height: u32) -> Self {
+        let camera = Camera {
+            origin: DVec3::new(2.6, 1.7, 2.9),
+            target: 0.5 * (BOUNDS.0 + BOUNDS.1),
+            up: DVec3::Y,
+            fov: 30.0,
+            width,
+            height,
+            samples: 1,
+        };
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let rays = pixels.map(|(x, y)| ray(&camera, f64::from(x) + 0.5, f64::from(y) + 0.5)).collect();
+        Self { camera, rays }
+    }
+
+    /// Samples of all rays.
+    pub fn samples(&self) -> u64 {
+        self.rays.iter().map(|ray| u64::from(ray.steps)).sum()
+    }
+}
+
+/// Clips the ray of a pixel to the box and cuts it into steps of at most a voxel, as `march` does.
+fn ray(camera: &Camera, px: f64, py: f64) -> Ray {
+    let lattice = lattice();
+    let origin = lattice.world_to_index().transform_point3(camera.origin);
+    let direction = lattice.world_to_index().transform_vector3(camera.direction(px, py));
+    let (mut near, mut far) = (0.0f64, f64::INFINITY);
+    for a in 0..3 {
+        let lower = (-0.5 - origin[a]) / direction[a];
+        let upper = (f64::from(DIMS[a]) - 0.5 - origin[a]) / direction[a];
+        near = near.max(lower.min(upper));
+        far = far.min(lower.max(upper));
+    }
+    let length = (far - near).max(0.0);
+    let steps = (length / lattice.shortest_edge()).ceil();
+    let delta = if steps > 0.0 { length / steps } else { 0.0 };
+    let single = |v: DVec3| v.as_vec3().to_array();
+    Ray { start: single(origin + near * direction), step: single(delta * direction), steps: steps as u32 }
+}
+
+/// A device with the density on it, and what stages need beside it.
+pub struct Rig {
+    device: Box<dyn Device>,
+    density: Field,
+    next: u32,
+}
+
+impl Rig {
+    /// Puts the density on a device.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn new(mut device: Box<dyn Device>) -> Result<Self, DeviceError> {
+        let spec = FieldSpec { dims: DIMS.to_array(), layers: 1, format: FieldFormat::Scalar };
+        let field = Field { id: ResourceId(0), spec };
+        device.create(field.id, &ResourceSpec::Field(spec))?;
+        let mut rig = Self { device, density: field, next: 1 };
+        rig.upload(&density())?;
+        Ok(rig)
+    }
+
+    /// Writes the density, and waits until it is there.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn upload(&mut self, values: &[f32]) -> Result<(), DeviceError> {
+        self.device.write(self.density.id, 0, bytemuck::cast_slice(values))?;
+        self.device.finish().map(drop)
+    }
+
+    /// Runs the whole of a stage, and waits for its end.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn run(&mut self, stage: &Stage) -> Result<(), DeviceError> {
+        self.device.dispatch(stage, 0..stage.axis())?;
+        self.device.finish().map(drop)
+    }
+
+    fn make<T: Pod>(&mut self, len: u64, usage: Usage) -> Result<Buf<T>, DeviceError> {
+        let id = ResourceId(self.next);
+        self.next += 1;
+        let buf = Buf::new(id, len);
+        self.device.create(id, &ResourceSpec::Buffer { bytes: buf.bytes(), usage })?;
+        Ok(buf)
+    }
+
+    fn fill<T: Pod>(&mut self, data: &[T]) -> Result<Buf<T>, DeviceError> {
+        let buf = self.make(data.len() as u64, Usage::Input)?;
+        self.device.write(buf.id, 0, bytemuck::cast_slice(data))?;
+        Ok(buf)
+    }
+
+    /// `reduce` to cells of 8³ voxels. Its elements are the voxels.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn reduce(&mut self) -> Result<(Stage, u64), DeviceError> {
+        let coarse = DIMS.to_array().map(|d| d.div_ceil(8));
+        let out = self.make(cells(coarse), Usage::Work)?;
+        let params = ReduceParams {
+            dims: DIMS.extend(0).to_array(),
+            coarse: [coarse[0], coarse[1], coarse[2], 0],
+            cell: [8.0, 8.0, 8.0, 0.0],
+        };
+        Ok((Stage::Reduce(Reduce { params, density: self.density, other: None, out }), lattice().voxels()))
+    }
+
+    /// `project` of 48 directions on 3 bands at every cell. Its elements are the cells.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn project(&mut self) -> Result<(Stage, u64), DeviceError> {
+        let grid = GridParams::new(&lattice());
+        let mut params = ProjectParams::zeroed();
+        params.dims = grid.dims;
+        [params.index_x, params.index_y, params.index_z] = grid.index;
+        [params.world_x, params.world_y, params.world_z] = grid.world;
+        params.cells = [CELLS[0], CELLS[1], CELLS[2], 0];
+        let side = |a: usize| grid.dims[a] as f32 / CELLS[a] as f32;
+        params.cell = [side(0), side(1), side(2), lattice().shortest_edge() as f32];
+        params.extinction = [EXTINCTION; 4];
+        (params.directions, params.coefficients) = (12 * NSIDE * NSIDE, BANDS * BANDS);
+        (params.channels, params.weight_channels) = (1, 1);
+        let harmonics = SphericalHarmonics::new(BANDS).expect("there are as many bands");
+        let weights: Vec<f32> = pixel_integrals(NSIDE, &harmonics).iter().map(|&w| w as f32).collect();
+        let directions: Vec<[f32; 4]> =
+            healpix::directions(NSIDE).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
+        let stage = Project {
+            params,
+            density: self.density,
+            emission: None,
+            occupancy: None,
+            directions: self.fill(&directions)?,
+            weights: self.fill(&weights)?,
+            emission_weights: None,
+            phase_table: None,
+            records: self.make(cells(CELLS) * u64::from(BANDS * BANDS), Usage::Work)?,
+            emission_records: None,
+        };
+        Ok((Stage::Project(stage), cells(CELLS)))
+    }
+
+    /// `relight` of 9 coefficients to one layer. Its elements are the cells.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
+        let (count, coefficients) = (cells(CELLS), BANDS * BANDS);
+        let records: Vec<f32> = (0..count * u64::from(coefficients)).map(|n| (n % 17) as f32 / 17.0).collect();
+        let light: Vec<[f32; 4]> = (0..coefficients).map(|k| [1.0 / (k + 1) as f32; 4]).collect();
+        let stage = Relight {
+            params: RelightParams {
+                cells: count as u32,
+                coefficients,
+                channels: 1,
+                layers: 1,
+                emission_coefficients: 0,
+                emission_weight: 0.0,
+                unused_0: 0,
+                unused_1: 0,
+            },
+            records: self.fill(&records)?,
+            emission_records: None,
+            light: self.fill(&light)?,
+            out: self.make(count, Usage::Work)?,
+        };
+        Ok((Stage::Relight(stage), count))
+    }
+
+    /// `march` without light, without stepping over empty space and without rays that end early: bare lookups and
+    /// exponentials. Its elements are the view samples.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn march(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+        let (grid, camera) = (GridParams::new(&lattice()), &view.camera);
+        let mut params = MarchParams::zeroed();
+        params.dims = grid.dims;
+        [params.index_x, params.index_y, params.index_z] = grid.index;
+        params.eye = four(lattice().world_to_index().transform_point3(camera.origin));
+        [params.forward, params.right, params.up] = camera.axes().map(four);
+        (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
+        params.extinction = [EXTINCTION; 4];
+        (params.step, params.cut, params.shadow) = (lattice().shortest_edge() as f32, March::CUT, shadow_kind::NONE);
+        let stage = March {
+            params,
+            density: self.density,
+            emission: None,
+            in_scatter: None,
+            occupancy: None,
+            lights: None,
+            tables: self.fill(&[0.5f32, 0.5])?,
+            environment: None,
+            surface: None,
+            film: self.make(2 * view.rays.len() as u64, Usage::Output)?,
+        };
+        Ok((Stage::March(stage), view.samples()))
+    }
+}
+
+fn four(v: DVec3) -> [f32; 4] {
+    v.as_vec3().extend(0.0).to_array()
+}
+
+fn cells(sides: [u32; 3]) -> u64 {
+    sides.iter().map(|&n| u64::from(n)).product()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_stage_runs_on_every_device() {
+        let view = View::new(24, 16);
+        assert!(view.samples() > 1000);
+        for info in airlight::devices().iter().flat_map(|b| b.devices.iter().flatten()) {
+            let mut rig = Rig::new(airlight::open(&info.id()).unwrap()).unwrap();
+            let stages = [rig.reduce(), rig.project(), rig.relight(), rig.march(&view)];
+            for stage in stages {
+                let (stage, elements) = stage.unwrap();
+                assert!(elements > 0);
+                rig.run(&stage).unwrap();
+            }
+        }
+    }
+}

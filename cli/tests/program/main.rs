@@ -1,0 +1,12 @@
+//! The program as its users meet it: what it writes, and that every kind of bad input ends in one clear error, the
+//! right exit code, no file left behind, and neither a panic nor a hang nor all of the memory.
+
+mod cameras;
+mod compare;
+mod damage;
+mod limits;
+mod outputs;
+mod reports;
+mod scenes;
+mod volumes;
+mod workbench;
