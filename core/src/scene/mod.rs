@@ -112,7 +112,8 @@ impl Scene {
         let (min, max) = self.medium.lattice().world_bounds();
         let steps = (max - min).length() / metres;
         if steps > Self::MAX_STEPS {
-            let least = step * steps / Self::MAX_STEPS;
+            // Rounded up, so that it does as it is printed.
+            let least = (step * steps / Self::MAX_STEPS * 1000.0).ceil() / 1000.0;
             return Err(SceneError::Quality(format!(
                 "step {step} makes up to {steps:.0} steps on a ray through the medium; at most {} are marched, which \
                  a step of {least:.3} keeps to",
@@ -120,5 +121,53 @@ impl Scene {
             )));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::Homogeneous;
+
+    fn fog(max: DVec3) -> Scene {
+        Scene {
+            camera: Camera {
+                origin: DVec3::new(3.0, 2.0, 4.0),
+                target: DVec3::ZERO,
+                up: DVec3::Y,
+                fov: 30.0,
+                width: 8,
+                height: 6,
+                samples: 1,
+            },
+            medium: Arc::new(Homogeneous::new(1.0, DVec3::ZERO, max).unwrap()),
+            optics: Optics::grey(1.0, 0.5),
+            environment: None,
+            lights: Vec::new(),
+            estimate: Estimate::default(),
+            quality: Quality::default(),
+        }
+    }
+
+    #[test]
+    fn rays_of_more_steps_than_f32_counts_are_refused_and_the_least_step_is_said() {
+        let mut scene = fog(DVec3::new(1e6, 1.0, 2.0));
+        let Err(SceneError::Quality(text)) = scene.validate() else { panic!("64 million steps") };
+        let least = text.rsplit("a step of ").next().and_then(|t| t.split(' ').next()).unwrap();
+        scene.quality.step = least.parse().unwrap();
+        assert_eq!(scene.validate(), Ok(()));
+        scene.quality.step *= 0.99;
+        assert!(scene.validate().is_err());
+    }
+
+    #[test]
+    fn what_leaves_f32_is_refused() {
+        let mut scene = fog(DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(scene.validate(), Ok(()));
+        scene.quality.step = 1e300;
+        assert!(matches!(scene.validate(), Err(SceneError::Quality(_))));
+        scene.quality.step = 1.0;
+        scene.camera.origin.x = 1e39;
+        assert_eq!(scene.validate(), Err(SceneError::Eye(scene.camera.origin)));
     }
 }

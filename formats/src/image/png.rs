@@ -1,6 +1,6 @@
 //! PNG: 8 bits a channel, sRGB.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use airlight_core::scene::Film;
@@ -41,16 +41,49 @@ fn encode(path: &Path, width: u32, height: u32, pixels: &[u8], file: impl Write)
         let what = format!("{} bytes are not the {size} of {width} × {height} pixels", pixels.len());
         return Err(FormatError::content(path, None, what));
     }
-    PngEncoder::new(file).write_image(pixels, width, height, ExtendedColorType::Rgb8).map_err(|error| match error {
+    let mut file = Remembering { file, failed: None };
+    let done = PngEncoder::new(&mut file).write_image(pixels, width, height, ExtendedColorType::Rgb8);
+    if let Some(source) = file.failed {
+        return Err(FormatError::io(path)(source));
+    }
+    done.map_err(|error| match error {
         ImageError::IoError(source) => FormatError::io(path)(source),
         other => FormatError::content(path, None, format!("cannot be written: {other}")),
     })
 }
 
+/// Keeps the first error: the encoder writes the last chunk when it is dropped, and says nothing of its failure.
+struct Remembering<W> {
+    file: W,
+    failed: Option<io::Error>,
+}
+
+impl<W> Remembering<W> {
+    fn note<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
+        result.map_err(|error| {
+            let kind = error.kind();
+            if kind != io::ErrorKind::Interrupted {
+                self.failed.get_or_insert(error);
+            }
+            kind.into()
+        })
+    }
+}
+
+impl<W: Write> Write for Remembering<W> {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        let result = self.file.write(buf);
+        self.note(result)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let result = self.file.flush();
+        self.note(result)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::io;
-
     use super::*;
 
     struct Full(usize);
@@ -71,7 +104,7 @@ mod tests {
         let pixels: Vec<u8> = (0..30 * 20 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let mut whole = Vec::new();
         encode(path, 30, 20, &pixels, &mut whole).unwrap();
-        for room in (0..whole.len()).step_by(13) {
+        for room in (0..whole.len()).step_by(13).chain(whole.len() - 12..whole.len()) {
             let error = encode(path, 30, 20, &pixels, Full(room)).unwrap_err();
             assert!(matches!(error, FormatError::Io { .. }), "{room}: {error}");
         }
