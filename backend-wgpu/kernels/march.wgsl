@@ -89,7 +89,6 @@ fn walk(direction: vec3<f32>, limit: f32) -> Path {
     if params.cells.w > 1u {
         harmonics(direction, params.bands, &basis);
     }
-    let emits = params.emission.x + params.emission.y + params.emission.z > 0.0;
     let scatters = params.albedo.x + params.albedo.y + params.albedo.z > 0.0;
     let grid = blocks();
     var k = 0.0;
@@ -107,23 +106,16 @@ fn walk(direction: vec3<f32>, limit: f32) -> Path {
             }
         }
         let at = along(ray, t);
-        let density = sample_density(at, size, 0);
-        var source = 0.0;
-        if emits {
-            source = density;
-            if has_emission_density {
-                source = sample_emission_density(at, size, 0);
-            }
-        }
+        let here = optics(at, size);
         var light = vec3<f32>(0.0);
-        if scatters && density > 0.0 {
+        if scatters && max(max(here.extinction.x, here.extinction.y), here.extinction.z) > 0.0 {
             light = gathered(at, &basis) + direct(at, direction, t);
         }
         var share = 0.0;
         for (var c = 0u; c < 3u; c++) {
-            let extinction = density * params.extinction[c];
+            let extinction = here.extinction[c];
             let piece = segment(extinction * ray.step);
-            let sent = extinction * params.albedo[c] * light[c] + source * params.emission[c];
+            let sent = extinction * here.albedo[c] * light[c] + here.emission[c];
             path.radiance[c] += transmittance[c] * ray.step * piece.y * sent;
             share += transmittance[c] * (extinction * ray.step * piece.y);
             path.transmittance[c] = transmittance[c] * piece.x;
@@ -186,6 +178,23 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
         sum += scale * transmittance * record.power.xyz;
     }
     return sum;
+}
+
+// What the medium does to light at a point, per channel: extinction in 1/m, emission in W m^-3 sr^-1.
+struct Optics {
+    extinction: vec3<f32>,
+    albedo: vec3<f32>,
+    emission: vec3<f32>,
+}
+
+// The optics at `at` in index space.
+fn optics(at: vec3<f32>, size: vec3<i32>) -> Optics {
+    let density = sample_density(at, size, 0);
+    var source = density;
+    if has_emission_density {
+        source = sample_emission_density(at, size, 0);
+    }
+    return Optics(density * params.extinction.xyz, params.albedo.xyz, source * params.emission.xyz);
 }
 
 // A direction of the world in voxels per metre.

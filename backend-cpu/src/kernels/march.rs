@@ -22,7 +22,7 @@ const SIDE: usize = 4;
 struct Inputs<'a> {
     p: &'a MarchParams,
     density: Texels<'a>,
-    emission: Texels<'a>,
+    emission: Option<Texels<'a>>,
     occupancy: Option<Occupancy<'a>>,
     in_scatter: &'a [[f32; 4]],
     lights: &'a [LightRecord],
@@ -49,8 +49,8 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         p,
         density,
         emission: match stage.emission {
-            Some(field) => Texels::new(read.field(field)?, p.dims),
-            None => density,
+            Some(field) => Some(Texels::new(read.field(field)?, p.dims)),
+            None => None,
         },
         occupancy: match stage.occupancy {
             Some(buf) => Some(Occupancy::new(read.buf(buf)?, p.occupancy_cells)),
@@ -199,7 +199,6 @@ impl Path {
     fn walk(&mut self, inputs: &Inputs<'_>) {
         let p = inputs.p;
         let (last, cut) = (self.ray.steps.max_lane(), F::splat(p.cut));
-        let emits = p.emission[0] + p.emission[1] + p.emission[2] > 0.0;
         let scatters = p.albedo[0] + p.albedo[1] + p.albedo[2] > 0.0;
         let mut k = 0.0;
         while k < last {
@@ -214,29 +213,27 @@ impl Path {
                 continue;
             }
             let at = self.ray.at(t);
-            let density = active.select(inputs.density.sample(at), F::ZERO);
-            let source = if emits { active.select(inputs.emission.sample(at), F::ZERO) } else { F::ZERO };
-            let dense = density.gt(F::ZERO);
+            let optics = optics(inputs, at, active);
+            let dense = optics.extinction[0].max(optics.extinction[1]).max(optics.extinction[2]).gt(F::ZERO);
             let mut light = [F::ZERO; 3];
             if scatters && dense.any() {
                 self.in_scatter(inputs, at, dense, &mut light);
                 self.direct(inputs, at, t, dense, &mut light);
             }
             let delta = self.ray.step;
-            let mut share = F::ZERO;
-            let mut shared = (F::ONE, F::ONE);
-            for c in 0..3 {
-                let extinction = density * p.extinction[c];
-                if c == 0 || !inputs.grey {
-                    shared = segment(extinction * delta);
-                }
-                let (e, mean) = shared;
-                let emitted = source * p.emission[c];
-                let sent = extinction * p.albedo[c] * light[c] + emitted;
-                self.radiance[c] = self.radiance[c] + self.transmittance[c] * delta * mean * sent;
-                share = share + self.transmittance[c] * (extinction * delta * mean);
-                self.transmittance[c] = self.transmittance[c] * e;
-            }
+            let Optics { extinction, albedo, emission } = optics;
+            let first = segment(extinction[0] * delta);
+            let (second, third) = if inputs.grey {
+                (first, first)
+            } else {
+                (segment(extinction[1] * delta), segment(extinction[2] * delta))
+            };
+            let pieces = [first, second, third];
+            let reach = triple!(c => self.transmittance[c] * delta * pieces[c].1);
+            let sent = triple!(c => extinction[c] * albedo[c] * light[c] + emission[c]);
+            let share = extinction[0] * reach[0] + extinction[1] * reach[1] + extinction[2] * reach[2];
+            self.radiance = triple!(c => self.radiance[c] + reach[c] * sent[c]);
+            self.transmittance = triple!(c => self.transmittance[c] * pieces[c].0);
             self.stopped = self.stopped + share;
             self.stopped_at = self.stopped_at + share * t;
             k += 1.0;
@@ -300,6 +297,31 @@ impl Path {
                 light[c] = light[c] + scale * transmittance * record.power[c];
             }
         }
+    }
+}
+
+/// What the medium does to light at a point, per channel.
+struct Optics {
+    /// σt, 1/m.
+    extinction: [F; 3],
+    albedo: [f32; 3],
+    /// j, W m⁻³ sr⁻¹.
+    emission: [F; 3],
+}
+
+/// The optics at `at` in index space; lanes that are not active see nothing there.
+#[inline(always)]
+fn optics(inputs: &Inputs<'_>, at: [F; 3], active: M) -> Optics {
+    let p = inputs.p;
+    let density = active.select(inputs.density.sample(at), F::ZERO);
+    let mut source = density;
+    if let Some(emission) = inputs.emission {
+        source = active.select(emission.sample(at), F::ZERO);
+    }
+    Optics {
+        extinction: triple!(c => density * p.extinction[c]),
+        albedo: triple!(c => p.albedo[c]),
+        emission: triple!(c => source * p.emission[c]),
     }
 }
 

@@ -56,7 +56,7 @@ fn every_scene_is_the_processors() {
 #[test]
 fn small_limits_cut_every_resource_and_change_nothing() {
     // Textures of 23 slices, so that 25 layers of records take 8 slabs; bindings of two rows of blocks of the film.
-    let Some(device) = small_device(24 << 10, 23) else { return };
+    let Some(device) = small_device(33 << 10, 23) else { return };
     let mut renderer = Renderer::new(Box::new(device));
     for Case { name, scene } in scenes::all() {
         compare(name, &renderer.render(&scene).unwrap().film, &on_cpu(&scene));
@@ -72,14 +72,14 @@ fn records_past_the_largest_binding_are_the_processors() {
     let medium = scenes::medium(UVec3::new(12, 9, 10), false);
     let optics = Optics { phase: Phase::HenyeyGreenstein { g: 0.5 }, ..Optics::grey(6.0, 0.9) };
     let records =
-        Records { cells: 64, directions: 12, elimination: Elimination::None, ..scenes::records(Content::Radiance, 10) };
+        Records { cells: 144, directions: 48, elimination: Elimination::None, ..scenes::records(Content::Radiance, 3) };
     let lattice = medium.lattice();
     let grid = records.grid(lattice.edges() * lattice.dims().as_dvec3());
-    let bytes = 4 * 3 * 100 * grid.iter().map(|&cells| u64::from(cells)).product::<u64>();
+    let bytes = 4 * 3 * 9 * grid.iter().map(|&cells| u64::from(cells)).product::<u64>();
     assert!(bytes > BINDING, "records of {bytes} bytes show nothing");
     let mut scene = scenes::scene(Arc::clone(&medium), optics, records, vec![]);
     (scene.camera.width, scene.camera.height, scene.camera.samples) = (16, 9, 1);
-    scene.quality.step = 2.0;
+    scene.quality.step = 4.0;
     let rendered = Renderer::new(Box::new(device)).render(&scene).unwrap();
     compare("large records", &rendered.film, &on_cpu(&scene));
 }
