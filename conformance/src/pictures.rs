@@ -293,7 +293,7 @@ fn environment() -> Vec<Picture> {
         gathered("records_transmittance_6_bands", "env_single_sh6.exr", Transmittance, 6, 768, 0.0),
         gathered("records_radiance", "env_single.exr", Radiance, 1, 192, 0.0),
         gathered("records_radiance_hg", "env_hg0.5_single.exr", Radiance, 6, 768, 0.5),
-        // Six bands of light alone cost this content 3.3 %, at any number of cells and directions: docs/figures.md.
+        // At six bands it is off by 3.2 %, which more cells and directions do not lessen: docs/decisions/0041-truth.md.
         gathered("records_phase_hg", "env_hg0.5_single.exr", TowardEye, 8, 768, 0.5),
     ]
 }

@@ -68,7 +68,10 @@ fn reference(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>>
         page,
         "Relative L2 error over RGB; alpha beside it. `samples` are sub-pixel positions, which stand for the"
     )?;
-    writeln!(page, "reference's box filter. Seconds are those of the first render, with uploads.\n")?;
+    writeln!(
+        page,
+        "reference's box filter. Seconds are those of the first render, with uploads, and of a machine that may have had other\nwork.\n"
+    )?;
     writeln!(page, "| picture | truth | settings | samples | error | limit | alpha | seconds |")?;
     writeln!(page, "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |")?;
     for picture in pictures::pictures() {
