@@ -367,11 +367,11 @@ fn too_little_memory_is_refused_with_the_numbers() {
     let needed = CELLS * (3 * 16 + 2 * 4);
     let (mut executor, books) = Bookkeeper::executor(Some(50_000));
     let error = run(&mut executor, 3.0, 0.0).map(|_| ()).unwrap_err();
-    let largest = "light 16000, first 16000, second 16000";
+    let largest = "light 15.6 KiB, first 15.6 KiB, second 15.6 KiB";
     let expected = ExecError::Memory { device: "bookkeeper".into(), needed, budget: 45_000, largest: largest.into() };
     assert_eq!(error, expected);
     assert!(books.lock().unwrap().created.is_empty(), "nothing was allocated");
-    assert!(error.to_string().contains("56000") && error.to_string().contains("45000"), "{error}");
+    assert!(error.to_string().contains("54.7 KiB") && error.to_string().contains("43.9 KiB"), "{error}");
     executor.set_budget(needed);
     assert_eq!(run(&mut executor, 3.0, 0.0).unwrap().1.bytes, needed);
 }
