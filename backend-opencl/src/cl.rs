@@ -240,10 +240,12 @@ impl Cl {
             let text = format!("the kernel {name} does not build with {options}: {fault}");
             return self.fail(Fault { text, ..fault }, 0);
         }
-        let first = log.lines().find(|line| line.contains("error")).unwrap_or_default();
-        let at = first.find("kernels/").map_or(first, |at| &first[at..]);
-        let rest = if log.lines().count() > 1 { format!("\n{log}") } else { String::new() };
-        DeviceError::Backend(format!("{at}{rest}"))
+        // The first fault, by its file and line; then all that the compiler says.
+        let first = log.lines().find(|line| line.contains("error") && line.contains("kernels/"));
+        let Some(first) = first.and_then(|line| line.find("kernels/").map(|at| &line[at..])) else {
+            return DeviceError::Backend(format!("the kernel {name} does not build with {options}:\n{log}"));
+        };
+        DeviceError::Backend(format!("{first}\n{log}"))
     }
 
     /// Runs a kernel over `items` work-items, whose last workgroup may reach past them.
