@@ -2,6 +2,6 @@
 // past its end.
 
 // Number of this work-item within the dispatch.
-uint number(void) {
-    return (uint)get_global_id(0);
+size_t number(void) {
+    return get_global_id(0);
 }

@@ -41,12 +41,12 @@ float harmonics_value(const Bound *bound, uint i) {
 }
 
 void run_march(const Bound *bound) {
-    uint n = number() / (BLOCK * BLOCK);
-    uint lane = number() % (BLOCK * BLOCK);
+    size_t n = number() / (BLOCK * BLOCK);
+    uint lane = (uint)(number() % (BLOCK * BLOCK));
     if (n >= bound->launch->count) {
         return;
     }
-    uint block = bound->launch->start + n;
+    uint block = bound->launch->start + (uint)n;
     uint width = bound->params->width;
     uint height = bound->params->height;
     uint across = (width + BLOCK - 1u) / BLOCK;
@@ -240,8 +240,8 @@ Incident incident(const Bound *bound, uint i, float3 d, float t) {
 
 // The environment's radiance from `d`.
 float3 sky(const Bound *bound, float3 d) {
-    int width = (int)bound->params->environment_width;
-    int height = (int)bound->params->environment_height;
+    uint width = bound->params->environment_width;
+    uint height = bound->params->environment_height;
     float u = angle(d.x, -d.z) / (2.0f * PI) + bound->params->environment.w;
     float x = (u - floor(u)) * convert_float(width) - 0.5f;
     float y = angle_of_cosine(d.y) / PI * convert_float(height) - 0.5f;
@@ -253,8 +253,8 @@ float3 sky(const Bound *bound, float3 d) {
 }
 
 float3 sky_row(const Bound *bound, int i, int j, float f) {
-    int width = (int)bound->params->environment_width;
-    size_t row = (size_t)clamp(j, 0, (int)bound->params->environment_height - 1) * width;
+    long width = bound->params->environment_width;
+    long row = clamp((long)j, 0L, (long)bound->params->environment_height - 1L) * width;
     float3 a = bound->environment[row + (i + width) % width].xyz;
     float3 b = bound->environment[row + (i + 1) % width].xyz;
     return a + (b - a) * f;

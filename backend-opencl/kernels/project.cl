@@ -17,11 +17,11 @@ uint phase_size(const Bound *bound) {
 }
 
 void run_project(const Bound *bound) {
-    uint n = number();
+    size_t n = number();
     if (n >= bound->launch->count) {
         return;
     }
-    uint cell = bound->launch->start + n;
+    uint cell = bound->launch->start + (uint)n;
     uint values = bound->params->coefficients * max(bound->params->channels, bound->params->weight_channels);
     uint glow_values = bound->params->emission_coefficients * 3u;
     __global float *record = bound->records + (size_t)cell * values;

@@ -3,11 +3,11 @@
 float mean(const Bound *bound, uint3 cell);
 
 void run_reduce(const Bound *bound) {
-    uint n = number();
+    size_t n = number();
     if (n >= bound->launch->count) {
         return;
     }
-    uint index = bound->launch->start + n;
+    uint index = bound->launch->start + (uint)n;
     uint4 coarse = bound->params->coarse;
     uint3 cell = (uint3)(index % coarse.x, index / coarse.x % coarse.y, index / coarse.x / coarse.y);
     float most = maximum_density(bound, cell);

@@ -4,11 +4,11 @@ float3 record(const Bound *bound, uint cell, uint k);
 float3 glow(const Bound *bound, uint cell, uint k);
 
 void run_relight(const Bound *bound) {
-    uint n = number();
+    size_t n = number();
     if (n >= bound->launch->count) {
         return;
     }
-    uint cell = bound->launch->start + n;
+    uint cell = bound->launch->start + (uint)n;
     uint layers = bound->params->layers;
     for (uint layer = 0u; layer < layers; layer++) {
         float3 sum = (float3)(0.0f);

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use airlight_core::basis::SphericalHarmonics;
-use airlight_core::device::{Binding, BindingAccess, FieldFormat, KernelStruct};
+use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, KernelStruct};
 use airlight_core::kernel_struct;
 use airlight_core::stage::{
     LightRecord, March, MarchParams, PhaseParams, ProjectParams, Reduce, ReduceParams, RelightParams, Stage,
@@ -39,6 +39,9 @@ macro_rules! file {
         File { name: concat!("kernels/", $name), text: include_str!(concat!("../kernels/", $name)) }
     };
 }
+
+/// The most values of spherical harmonics that a kernel holds.
+const MAX_HARMONICS: u32 = SphericalHarmonics::DEVICE_BANDS.pow(2);
 
 const LAUNCH: File = file!("launch.cl");
 const FIELD: File = file!("field.cl");
@@ -129,6 +132,23 @@ pub(crate) fn of(stage: &Stage) -> &'static Source {
         Stage::Project(_) => &PROJECT,
         Stage::Relight(_) => &RELIGHT,
         Stage::March(_) => &MARCH,
+    }
+}
+
+/// Whether a kernel's private memory holds what the stage needs there.
+///
+/// # Errors
+/// Too many layers of in-scattered radiance.
+pub(crate) fn check(stage: &Stage) -> Result<(), DeviceError> {
+    match stage {
+        Stage::March(March { params, in_scatter: Some(_), .. }) if params.cells[3] > MAX_HARMONICS => {
+            Err(DeviceError::Limit {
+                what: "the layers of in-scattered radiance",
+                requested: params.cells[3].into(),
+                limit: MAX_HARMONICS.into(),
+            })
+        }
+        Stage::Reduce(_) | Stage::Project(_) | Stage::Relight(_) | Stage::March(_) => Ok(()),
     }
 }
 
@@ -226,7 +246,7 @@ impl Source {
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
             ("BLOCK", March::BLOCK),
-            ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
+            ("HARMONICS_MAX", MAX_HARMONICS),
         ] {
             let _ = writeln!(out, "#define {name} {value}u");
         }

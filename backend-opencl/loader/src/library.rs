@@ -29,21 +29,29 @@ pub(crate) fn library() -> Result<&'static Library, &'static str> {
 fn open(chosen: Option<OsString>) -> Result<Library, String> {
     let from = if chosen.is_some() { format!(" (named by {LIBRARY_VARIABLE})") } else { String::new() };
     let names: Vec<OsString> = chosen.map_or_else(|| NAMES.iter().map(OsString::from).collect(), |name| vec![name]);
-    let mut first = None;
+    let mut spoilt = None;
     for name in &names {
         // SAFETY: what the library does when it is loaded is what OpenCL's loader does, or the user's own choice.
         match unsafe { Library::new(name) } {
             Ok(library) => return Ok(library),
-            Err(error) => first = first.or(Some(error)),
+            Err(error) => {
+                let (name, error) = (name.to_string_lossy(), error.to_string());
+                if !is_missing(&name, &error) {
+                    spoilt.get_or_insert(format!("{name} cannot be loaded{from}: {error}"));
+                }
+            }
         }
     }
-    let name = names[0].to_string_lossy();
-    let error = first.map(|error| error.to_string()).unwrap_or_default();
-    // A missing file is the usual case and needs no more words; a file that is there is spoilt in some way of its own.
-    if error.contains("No such file") || error.contains("cannot open shared object") {
-        return Err(format!("{name} not found{from}"));
-    }
-    Err(format!("{name} cannot be loaded{from}: {error}"))
+    Err(spoilt.unwrap_or_else(|| format!("{} not found{from}", names[0].to_string_lossy())))
+}
+
+/// Whether the system says that there is no such file. Of a library that the file itself needs it says the same under
+/// another name.
+fn is_missing(name: &str, error: &str) -> bool {
+    // The words of glibc and of musl.
+    ["cannot open shared object file: No such file", "No such file"]
+        .iter()
+        .any(|words| error.contains(&format!("{name}: {words}")))
 }
 
 /// The library's function of a name that ends in a zero.

@@ -1,5 +1,6 @@
 //! Ranges, slabs and sizes, stage by stage against the processor.
 
+use airlight_core::basis::SphericalHarmonics;
 use airlight_core::device::{Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, StageTime};
 use airlight_core::stage::{Reduce, ReduceParams, Stage};
 use airlight_cpu::CpuDevice;
@@ -108,6 +109,20 @@ fn what_exceeds_a_limit_is_refused_with_the_numbers() {
     let error = device.create(ResourceId(1), &slices(17)).unwrap_err();
     let (requested, limit) = (17 * 800, 16 * 800);
     assert_eq!(error, DeviceError::Limit { what: "a field", requested, limit });
+}
+
+#[test]
+fn more_layers_than_a_kernel_holds_are_refused() {
+    let Some(mut device) = device() else { return };
+    let bands = SphericalHarmonics::DEVICE_BANDS + 1;
+    let spec = FieldSpec { dims: [2, 1, 1], layers: bands * bands, format: FieldFormat::Rgba };
+    let field = Field { id: ResourceId(0), spec };
+    device.create(field.id, &ResourceSpec::Field(spec)).unwrap();
+    let mut march = super::scenes::layered_march(&mut device, field);
+    march.params.bands = bands;
+    march.tables = filled(&mut device, 20, &[0.5f32; 1000]);
+    let error = device.dispatch(&Stage::March(march), 0..1).unwrap_err();
+    assert!(matches!(error, DeviceError::Limit { .. }), "{error}");
 }
 
 #[test]
