@@ -299,9 +299,12 @@ impl Cl {
 
     /// Nanoseconds that a kernel ran, after it has.
     pub(crate) fn time(&mut self, event: &Event) -> Result<u64, DeviceError> {
-        // A kernel that failed has a status below zero, of which ocl makes words.
-        let status = core::event_status(event);
-        self.done("running a kernel", 0, status)?;
+        // A kernel that failed has a status below zero, which ocl cannot put into words.
+        if let Err(error) = core::event_status(event) {
+            let failed = Fault { status: None, text: "a kernel failed while it ran".into() };
+            let fault = error.api_status().map_or(failed, |_| Fault::new("clGetEventInfo", &error));
+            return Err(self.fail(fault, 0));
+        }
         let mut stamp = |which| {
             let stamp = core::get_event_profiling_info(event, which);
             self.done("clGetEventProfilingInfo", 0, stamp)

@@ -14,6 +14,10 @@
 #![allow(unsafe_code)]
 
 #[cfg(not(target_os = "macos"))]
+#[macro_use]
+mod names;
+
+#[cfg(not(target_os = "macos"))]
 mod forward;
 #[cfg(all(unix, not(target_vendor = "apple")))]
 mod hidden;
@@ -33,7 +37,7 @@ pub const LIBRARY_VARIABLE: &str = "AIRLIGHT_OPENCL_LIBRARY";
 pub fn load() -> Result<(), &'static str> {
     #[cfg(not(target_os = "macos"))]
     {
-        std::hint::black_box(&forward::ALL);
+        std::hint::black_box(forward::ALL);
         #[cfg(all(unix, not(target_vendor = "apple")))]
         std::hint::black_box(&hidden::airlight_opencl_hidden);
         library::library()?;
