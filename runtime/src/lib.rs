@@ -53,6 +53,8 @@ pub fn providers() -> Vec<Provider> {
     vec![
         #[cfg(feature = "wgpu")]
         airlight_wgpu::PROVIDER,
+        #[cfg(feature = "opencl")]
+        airlight_opencl::PROVIDER,
         airlight_cpu::PROVIDER,
     ]
 }

@@ -1,0 +1,261 @@
+// `march`: view rays through the medium. One work-item a pixel; those of a block of BLOCK x BLOCK pixels are in a row.
+
+// One view ray.
+typedef struct {
+    float3 radiance;
+    float3 transmittance;
+    // Light stopped so far, and the same weighed with its distance.
+    float stopped;
+    float stopped_at;
+} Path;
+
+typedef struct {
+    // Unit direction toward the light.
+    float3 toward;
+    // Distance to it, metres.
+    float distance;
+    // What falloff and cone leave of its power.
+    float falloff;
+} Incident;
+
+Path walk(const Bound *bound, float3 direction, float limit);
+uint4 blocks(const Bound *bound);
+float3 gathered(const Bound *bound, float3 at, const float *basis);
+float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
+float3 direct(const Bound *bound, float3 at, float3 direction, float t);
+float3 to_index(const Bound *bound, float3 d);
+Incident incident(const Bound *bound, uint i, float3 d, float t);
+float3 sky(const Bound *bound, float3 d);
+float3 sky_row(const Bound *bound, int i, int j, float f);
+
+float phase_value(const Bound *bound, uint i) {
+    return bound->tables[bound->params->phase_at + i];
+}
+
+uint phase_size(const Bound *bound) {
+    return bound->params->phase_size;
+}
+
+float harmonics_value(const Bound *bound, uint i) {
+    return bound->tables[bound->params->harmonics_at + i];
+}
+
+void run_march(const Bound *bound) {
+    size_t n = number() / (BLOCK * BLOCK);
+    uint lane = (uint)(number() % (BLOCK * BLOCK));
+    if (n >= bound->launch->count) {
+        return;
+    }
+    uint block = bound->launch->start + (uint)n;
+    uint width = bound->params->width;
+    uint height = bound->params->height;
+    uint across = (width + BLOCK - 1u) / BLOCK;
+    uint x = block % across * BLOCK + lane % BLOCK;
+    uint y = block / across * BLOCK + lane / BLOCK;
+    if (x >= width || y >= height) {
+        return;
+    }
+    size_t pixel = (size_t)y * width + x;
+    float limit = FAR;
+    if (has_surface) {
+        limit = fmin(bound->surface[pixel].w, FAR);
+    }
+    float3 color = (float3)(0.0f);
+    float3 transmitted = (float3)(0.0f);
+    float stopped = 0.0f;
+    float stopped_at = 0.0f;
+    for (uint s = 0u; s < bound->params->samples; s++) {
+        float a = (convert_float(x) + bound->tables[2u * s]) * (2.0f / convert_float(width)) - 1.0f;
+        float b = 1.0f - (convert_float(y) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(height));
+        float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
+        float3 direction = toward / sqrt(dot(toward, toward));
+        Path path = walk(bound, direction, limit);
+        float3 behind = (float3)(0.0f);
+        if (limit < FAR) {
+            behind = bound->surface[pixel].xyz;
+        } else if (has_environment) {
+            behind = sky(bound, direction);
+        }
+        color += path.radiance + path.transmittance * behind;
+        transmitted += path.transmittance;
+        stopped += path.stopped;
+        stopped_at += path.stopped_at;
+    }
+    float scale = 1.0f / convert_float(bound->params->samples);
+    float mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0f);
+    float depth = stopped > 0.0f ? stopped_at / stopped : INFINITY;
+    bound->film[2u * pixel] = (float4)(color * scale, 1.0f - mean);
+    bound->film[2u * pixel + 1u] = (float4)(transmitted * scale, depth);
+}
+
+Path walk(const Bound *bound, float3 direction, float limit) {
+    int3 size = convert_int3(bound->params->dims.xyz);
+    float3 index = to_index(bound, direction);
+    Ray ray = through(bound->params->eye.xyz, index, convert_float3(size), limit, bound->params->step);
+    Path path;
+    path.radiance = (float3)(0.0f);
+    path.transmittance = (float3)(1.0f);
+    path.stopped = 0.0f;
+    path.stopped_at = 0.0f;
+    // Y_k of the direction, where the in-scatter has layers.
+    float basis[HARMONICS_MAX];
+    if (bound->params->cells.w > 1u) {
+        harmonics(bound, direction, bound->params->bands, basis);
+    }
+    float3 emission = bound->params->emission.xyz;
+    float3 albedo = bound->params->albedo.xyz;
+    float3 sigma = bound->params->extinction.xyz;
+    bool emits = emission.x + emission.y + emission.z > 0.0f;
+    bool scatters = albedo.x + albedo.y + albedo.z > 0.0f;
+    bool grey = sigma.x == sigma.y && sigma.x == sigma.z;
+    uint4 grid = blocks(bound);
+    float k = 0.0f;
+    while (k < ray.steps) {
+        float3 transmittance = path.transmittance;
+        if (max(max(transmittance.x, transmittance.y), transmittance.z) < bound->params->cut) {
+            break;
+        }
+        float t = middle(&ray, k);
+        if (has_occupancy) {
+            float next = skip(bound, &ray, t, k, grid);
+            if (next >= 0.0f) {
+                k = next;
+                continue;
+            }
+        }
+        float3 at = along(&ray, t);
+        float density = sample_density(bound, at, size, 0);
+        float source = 0.0f;
+        if (emits) {
+            source = density;
+            if (has_emission_density) {
+                source = sample_emission_density(bound, at, size, 0);
+            }
+        }
+        float3 light = (float3)(0.0f);
+        if (scatters && density > 0.0f) {
+            light = gathered(bound, at, basis) + direct(bound, at, direction, t);
+        }
+        float3 extinction = density * sigma;
+        // Grey extinction takes one exponential.
+        float2 red = segment(extinction.x * ray.step);
+        float2 green = grey ? red : segment(extinction.y * ray.step);
+        float2 blue = grey ? red : segment(extinction.z * ray.step);
+        float3 mean = (float3)(red.y, green.y, blue.y);
+        float3 sent = extinction * albedo * light + source * emission;
+        path.radiance += transmittance * ray.step * mean * sent;
+        float3 stopped = transmittance * (extinction * ray.step * mean);
+        path.transmittance = transmittance * (float3)(red.x, green.x, blue.x);
+        float share = stopped.x + stopped.y + stopped.z;
+        path.stopped += share;
+        path.stopped_at += share * t;
+        k += 1.0f;
+    }
+    return path;
+}
+
+// Blocks of the occupancy along x, y, z and their side; side 0 where there is none.
+uint4 blocks(const Bound *bound) {
+    if (has_occupancy) {
+        return bound->params->occupancy_cells;
+    }
+    return (uint4)(0u);
+}
+
+// J from the field of in-scattered radiance.
+float3 gathered(const Bound *bound, float3 at, const float *basis) {
+    if (!has_in_scatter) {
+        return (float3)(0.0f);
+    }
+    float3 place = (at + 0.5f) * bound->params->cells_per_voxel.xyz - 0.5f;
+    if (bound->params->cells.w == 1u) {
+        return in_scatter_at(bound, place, 0u);
+    }
+    float3 sum = (float3)(0.0f);
+    for (uint k = 0u; k < bound->params->cells.w; k++) {
+        sum += basis[k] * in_scatter_at(bound, place, k);
+    }
+    return sum;
+}
+
+float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
+    int3 size = convert_int3(bound->params->cells.xyz);
+    if (bound->params->trilinear == 1u) {
+        return sample_in_scatter(bound, place, size, (int)layer).xyz;
+    }
+    return nearest_in_scatter(bound, place, size, (int)layer).xyz;
+}
+
+// J from each light.
+float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
+    float3 sum = (float3)(0.0f);
+    for (uint i = 0u; i < bound->params->lights; i++) {
+        Incident light = incident(bound, i, direction, t);
+        if (light.falloff <= 0.0f) {
+            continue;
+        }
+        float scale = phase(bound, dot(light.toward, direction)) * light.falloff;
+        float3 transmittance = (float3)(1.0f);
+        if (bound->params->shadow == SHADOW_MARCH) {
+            float3 size = convert_float3(bound->params->dims.xyz);
+            Ray ray = through(at, to_index(bound, light.toward), size, light.distance, bound->params->step);
+            transmittance = exp(-column(bound, &ray, blocks(bound)) * bound->params->extinction.xyz);
+        }
+        sum += scale * transmittance * bound->lights[i].power.xyz;
+    }
+    return sum;
+}
+
+// A direction of the world in voxels per metre.
+float3 to_index(const Bound *bound, float3 d) {
+    float3 x = bound->params->index_x.xyz;
+    float3 y = bound->params->index_y.xyz;
+    float3 z = bound->params->index_z.xyz;
+    return (float3)(dot(d, x), dot(d, y), dot(d, z));
+}
+
+// Light `i` at `t` metres along the view ray.
+Incident incident(const Bound *bound, uint i, float3 d, float t) {
+    LightRecord light = bound->lights[i];
+    Incident found;
+    if (light.position.w == 0.0f) {
+        found.toward = light.position.xyz;
+        found.distance = FAR;
+        found.falloff = 1.0f;
+        return found;
+    }
+    float3 v = light.position.xyz - t * d;
+    float square = dot(v, v);
+    found.distance = sqrt(square);
+    found.toward = v / max(found.distance, 1.2e-38f);
+    found.falloff = 1.0f / max(square, bound->params->light_floor);
+    if (light.cone.z == 1.0f) {
+        // A cone without a rim is a step at the cutoff.
+        float rim = max(light.cone.y - light.cone.x, 1e-6f);
+        float off_axis = angle_of_cosine(dot(-light.axis.xyz, found.toward));
+        found.falloff *= clamp((light.cone.y - off_axis) / rim, 0.0f, 1.0f);
+    }
+    return found;
+}
+
+// The environment's radiance from `d`.
+float3 sky(const Bound *bound, float3 d) {
+    uint width = bound->params->environment_width;
+    uint height = bound->params->environment_height;
+    float u = angle(d.x, -d.z) / (2.0f * PI) + bound->params->environment.w;
+    float x = (u - floor(u)) * convert_float(width) - 0.5f;
+    float y = angle_of_cosine(d.y) / PI * convert_float(height) - 0.5f;
+    int i = convert_int_sat(floor(x));
+    int j = convert_int_sat(floor(y));
+    float3 above = sky_row(bound, i, j, x - floor(x));
+    float3 below = sky_row(bound, i, j + 1, x - floor(x));
+    return (above + (below - above) * (y - floor(y))) * bound->params->environment.xyz;
+}
+
+float3 sky_row(const Bound *bound, int i, int j, float f) {
+    long width = bound->params->environment_width;
+    long row = clamp((long)j, 0L, (long)bound->params->environment_height - 1L) * width;
+    float3 a = bound->environment[row + (i + width) % width].xyz;
+    float3 b = bound->environment[row + (i + 1) % width].xyz;
+    return a + (b - a) * f;
+}

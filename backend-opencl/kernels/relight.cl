@@ -1,0 +1,42 @@
+// `relight`: in-scattered radiance from records and light. One work-item a cell.
+
+float3 record(const Bound *bound, uint cell, uint k);
+float3 glow(const Bound *bound, uint cell, uint k);
+
+void run_relight(const Bound *bound) {
+    size_t n = number();
+    if (n >= bound->launch->count) {
+        return;
+    }
+    uint cell = bound->launch->start + (uint)n;
+    uint layers = bound->params->layers;
+    for (uint layer = 0u; layer < layers; layer++) {
+        float3 sum = (float3)(0.0f);
+        if (layers == 1u) {
+            for (uint k = 0u; k < bound->params->coefficients; k++) {
+                sum += bound->light[k].xyz * record(bound, cell, k);
+            }
+            sum += bound->params->emission_weight * glow(bound, cell, 0u);
+        } else {
+            sum = bound->light[layer].xyz * (record(bound, cell, layer) + glow(bound, cell, layer));
+        }
+        bound->in_scatter[(size_t)cell * layers + layer] = (float4)(sum, 0.0f);
+    }
+}
+
+// Coefficient `k` of a cell's record; a record of one channel serves all three.
+float3 record(const Bound *bound, uint cell, uint k) {
+    size_t at = (size_t)cell * bound->params->coefficients + k;
+    if (bound->params->channels == 1u) {
+        return (float3)(bound->records[at]);
+    }
+    return vload3(at, bound->records);
+}
+
+// Coefficient `k` of the emission's moments.
+float3 glow(const Bound *bound, uint cell, uint k) {
+    if (bound->params->emission_coefficients == 0u) {
+        return (float3)(0.0f);
+    }
+    return vload3((size_t)cell * bound->params->emission_coefficients + k, bound->emission_records);
+}

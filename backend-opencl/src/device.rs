@@ -1,0 +1,136 @@
+//! The device.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::ops::Range;
+
+use airlight_core::device::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
+use airlight_core::stage::Stage;
+use bytemuck::Zeroable;
+
+use crate::cl::{Built, Cl};
+use crate::clock::Clock;
+use crate::source::{self, Launch, Shape};
+use crate::store::{Resource, Store};
+
+/// An OpenCL device.
+#[derive(Debug)]
+pub struct OpenclDevice {
+    pub(crate) info: DeviceInfo,
+    pub(crate) cl: Cl,
+    /// What kernels are built with.
+    pub(crate) options: &'static str,
+    pub(crate) store: Store,
+    /// Kernels by stage and the shapes of its bindings.
+    kernels: HashMap<(&'static str, Vec<Shape>), Built>,
+    clock: Clock,
+}
+
+/// Whether `len` bytes from `offset` on are whole words within `bytes` bytes.
+fn span(offset: u64, len: usize, bytes: u64) -> Result<(), DeviceError> {
+    if !offset.is_multiple_of(4) || !len.is_multiple_of(4) {
+        return Err(DeviceError::Invalid(format!("{len} bytes from {offset} on are not whole words of 4 bytes")));
+    }
+    match offset.checked_add(len as u64) {
+        Some(end) if end <= bytes => Ok(()),
+        _ => Err(DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes"))),
+    }
+}
+
+impl OpenclDevice {
+    /// An opened device.
+    pub(crate) fn new(info: DeviceInfo, cl: Cl, options: &'static str) -> Self {
+        let (store, kernels, clock) = (Store::default(), HashMap::new(), Clock::default());
+        Self { info, cl, options, store, kernels, clock }
+    }
+
+    fn run_stage(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
+        let source = source::of(stage);
+        let (shapes, args) = self.store.bind(&stage.bindings())?;
+        let key = (source.name, shapes);
+        let kernel = match self.kernels.entry(key) {
+            Entry::Occupied(kernel) => kernel.into_mut(),
+            Entry::Vacant(place) => {
+                let text = source.text(&place.key().1);
+                place.insert(self.cl.build(source.name, &text, self.options)?)
+            }
+        };
+        let launch = Launch { start: range.start, count: range.len() as u32, ..Launch::zeroed() };
+        let constants = [stage.params(), bytemuck::bytes_of(&launch)].concat();
+        let items = range.len() as u64 * u64::from(source.items);
+        let event = self.cl.run(kernel, &constants, &args, items)?;
+        self.clock.book(stage.name(), range, Some(event));
+        Ok(())
+    }
+}
+
+impl Device for OpenclDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
+        self.cl.check()?;
+        self.store.add(id, || Resource::new(&mut self.cl, spec, &self.info.limits))
+    }
+
+    fn destroy(&mut self, id: ResourceId) {
+        self.store.remove(id);
+    }
+
+    fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
+        self.cl.check()?;
+        match self.store.get(id)? {
+            Resource::Buffer(memory) => {
+                span(offset, data.len(), memory.bytes)?;
+                self.cl.write(&memory.mem, offset, data)
+            }
+            Resource::Field(volume) => {
+                let slice = volume.spec.slice_bytes();
+                if !offset.is_multiple_of(slice) || !(data.len() as u64).is_multiple_of(slice) {
+                    return Err(DeviceError::Invalid(format!("fields are written in whole slices of {slice} bytes")));
+                }
+                span(offset, data.len(), volume.spec.bytes())?;
+                volume.write(&mut self.cl, (offset / slice) as u32, data)
+            }
+        }
+    }
+
+    fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
+        self.cl.check()?;
+        let memory = self.store.buffer(id)?;
+        span(offset, out.len(), memory.bytes)?;
+        self.cl.read(&memory.mem, offset, out)
+    }
+
+    fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
+        self.cl.check()?;
+        let volume = self.store.field(to)?;
+        let source = self.store.buffer(from)?;
+        if source.bytes != volume.spec.bytes() {
+            let (held, bytes) = (source.bytes, volume.spec.bytes());
+            let text = format!("a field of {bytes} bytes is not published from a buffer of {held}");
+            return Err(DeviceError::Invalid(text));
+        }
+        // Texels of a field lie as stages write them, so that no kernel is needed.
+        volume.publish(&mut self.cl, &source.mem)
+    }
+
+    fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
+        self.cl.check()?;
+        stage.validate().map_err(DeviceError::Invalid)?;
+        source::check(stage)?;
+        if range.start > range.end || range.end > stage.axis() {
+            return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
+        }
+        if range.is_empty() {
+            self.clock.book(stage.name(), range, None);
+            return Ok(());
+        }
+        self.run_stage(stage, range)
+    }
+
+    fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
+        self.clock.finish(&mut self.cl)
+    }
+}

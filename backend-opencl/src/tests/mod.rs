@@ -1,0 +1,92 @@
+//! What must run on a device. Without one the tests say that they were skipped, or fail where `AIRLIGHT_REQUIRE`
+//! names `opencl`.
+
+mod frames;
+mod kernels;
+mod limits;
+mod scenes;
+mod trouble;
+
+use airlight_core::device::{Buf, Device, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
+use airlight_core::stage::{Relight, RelightParams};
+
+use crate::{OpenclDevice, platform};
+
+/// The first device, opened.
+fn device() -> Option<OpenclDevice> {
+    match platform::open(0) {
+        Ok(device) => Some(device),
+        Err(reason) => {
+            let required = std::env::var("AIRLIGHT_REQUIRE").unwrap_or_default();
+            assert!(!required.split(',').any(|id| id.trim() == "opencl"), "opencl is required: {reason}");
+            eprintln!("SKIPPED, because opencl has no device: {reason}");
+            None
+        }
+    }
+}
+
+/// A device that believes its limits to be far smaller, so that small fields are cut.
+fn small_device(binding_bytes: u64) -> Option<OpenclDevice> {
+    let mut device = device()?;
+    device.info.limits.binding_bytes = binding_bytes;
+    Some(device)
+}
+
+/// A buffer of `values`.
+fn filled<T: bytemuck::Pod>(device: &mut dyn Device, id: u32, values: &[T]) -> Buf<T> {
+    let buf = empty(device, id, values.len());
+    device.write(buf.id, 0, bytemuck::cast_slice(values)).unwrap();
+    buf
+}
+
+/// A buffer of zeros.
+fn empty<T: bytemuck::Pod>(device: &mut dyn Device, id: u32, len: usize) -> Buf<T> {
+    let buf = Buf::new(ResourceId(id), len as u64);
+    let spec = ResourceSpec::Buffer { bytes: size_of::<T>() as u64 * len as u64, usage: Usage::Work };
+    device.create(buf.id, &spec).unwrap();
+    buf
+}
+
+/// What a buffer holds.
+fn content<T: bytemuck::Pod>(device: &mut dyn Device, buf: Buf<T>) -> Vec<T> {
+    let mut out = vec![T::zeroed(); buf.len as usize];
+    device.read(buf.id, 0, bytemuck::cast_slice_mut(&mut out)).unwrap();
+    out
+}
+
+/// A scalar field of one layer.
+fn scalar(dims: [u32; 3]) -> FieldSpec {
+    FieldSpec { dims, layers: 1, format: FieldFormat::Scalar }
+}
+
+/// `relight` of records of one value each, under light of (2, 4, 8).
+fn relight(device: &mut dyn Device, records: &[f32]) -> Relight {
+    relight_into(device, 0, records)
+}
+
+/// The same, in resources from `first` on.
+fn relight_into(device: &mut dyn Device, first: u32, records: &[f32]) -> Relight {
+    Relight {
+        params: RelightParams {
+            cells: records.len() as u32,
+            coefficients: 1,
+            channels: 1,
+            layers: 1,
+            ..bytemuck::Zeroable::zeroed()
+        },
+        records: filled(device, first, records),
+        emission_records: None,
+        light: filled(device, first + 1, &[[2.0f32, 4.0, 8.0, 0.0]]),
+        out: empty(device, first + 2, records.len()),
+    }
+}
+
+/// ‖a - b‖ / ‖b‖.
+fn relative_l2(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let square = |v: f64| v * v;
+    let difference: f64 = a.iter().zip(b).map(|(&a, &b)| square(f64::from(a) - f64::from(b))).sum();
+    let norm: f64 = b.iter().map(|&b| square(b.into())).sum();
+    assert!(norm > 0.0, "nothing to compare with");
+    (difference / norm).sqrt()
+}
