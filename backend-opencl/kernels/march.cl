@@ -18,11 +18,19 @@ typedef struct {
     float falloff;
 } Incident;
 
+// What the medium does to light at a point, per channel: extinction in 1/m, emission in W m^-3 sr^-1.
+typedef struct {
+    float3 extinction;
+    float3 albedo;
+    float3 emission;
+} Optics;
+
 Path walk(const Bound *bound, float3 direction, float limit);
 uint4 blocks(const Bound *bound);
 float3 gathered(const Bound *bound, float3 at, const float *basis);
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
 float3 direct(const Bound *bound, float3 at, float3 direction, float t);
+Optics optics(const Bound *bound, float3 at, int3 size);
 float3 to_index(const Bound *bound, float3 d);
 Incident incident(const Bound *bound, uint i, float3 d, float t);
 float3 sky(const Bound *bound, float3 d);
@@ -102,10 +110,8 @@ Path walk(const Bound *bound, float3 direction, float limit) {
     if (bound->params->cells.w > 1u) {
         harmonics(bound, direction, bound->params->bands, basis);
     }
-    float3 emission = bound->params->emission.xyz;
     float3 albedo = bound->params->albedo.xyz;
     float3 sigma = bound->params->extinction.xyz;
-    bool emits = emission.x + emission.y + emission.z > 0.0f;
     bool scatters = albedo.x + albedo.y + albedo.z > 0.0f;
     bool grey = sigma.x == sigma.y && sigma.x == sigma.z;
     uint4 grid = blocks(bound);
@@ -124,25 +130,18 @@ Path walk(const Bound *bound, float3 direction, float limit) {
             }
         }
         float3 at = along(&ray, t);
-        float density = sample_density(bound, at, size, 0);
-        float source = 0.0f;
-        if (emits) {
-            source = density;
-            if (has_emission_density) {
-                source = sample_emission_density(bound, at, size, 0);
-            }
-        }
+        Optics here = optics(bound, at, size);
+        float3 extinction = here.extinction;
         float3 light = (float3)(0.0f);
-        if (scatters && density > 0.0f) {
+        if (scatters && max(max(extinction.x, extinction.y), extinction.z) > 0.0f) {
             light = gathered(bound, at, basis) + direct(bound, at, direction, t);
         }
-        float3 extinction = density * sigma;
         // Grey extinction takes one exponential.
         float2 red = segment(extinction.x * ray.step);
         float2 green = grey ? red : segment(extinction.y * ray.step);
         float2 blue = grey ? red : segment(extinction.z * ray.step);
         float3 mean = (float3)(red.y, green.y, blue.y);
-        float3 sent = extinction * albedo * light + source * emission;
+        float3 sent = extinction * here.albedo * light + here.emission;
         path.radiance += transmittance * ray.step * mean * sent;
         float3 stopped = transmittance * (extinction * ray.step * mean);
         path.transmittance = transmittance * (float3)(red.x, green.x, blue.x);
@@ -204,6 +203,20 @@ float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
         sum += scale * transmittance * bound->lights[i].power.xyz;
     }
     return sum;
+}
+
+// The optics at `at` in index space.
+Optics optics(const Bound *bound, float3 at, int3 size) {
+    float density = sample_density(bound, at, size, 0);
+    float source = density;
+    if (has_emission_density) {
+        source = sample_emission_density(bound, at, size, 0);
+    }
+    Optics here;
+    here.extinction = density * bound->params->extinction.xyz;
+    here.albedo = bound->params->albedo.xyz;
+    here.emission = source * bound->params->emission.xyz;
+    return here;
 }
 
 // A direction of the world in voxels per metre.

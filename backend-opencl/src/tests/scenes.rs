@@ -60,7 +60,7 @@ pub(super) fn lights() -> Vec<Light> {
 }
 
 pub(super) fn records(content: Content, bands: u32) -> Records {
-    Records { cells: 9, bands, content, ..Records::default() }
+    Records { cells: 9, bands, directions: 108, content, ..Records::default() }
 }
 
 /// A scene lit by a sky through records, and by lights where they are given.
