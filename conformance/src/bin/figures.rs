@@ -8,11 +8,15 @@ use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
+use airlight::glam::DVec3;
 use airlight::media::Phase;
+use airlight::reference::{BruteForce, BruteSettings};
 use airlight::scene::{Content, Elimination, Film, Interpolation, Records, Scene};
 use airlight_conformance::{Subject, compare, pictures};
 use clap::Parser;
 use libtest_mimic::Failed;
+use rayon::prelude::*;
 
 /// Measures the figures of the reference scene.
 #[derive(Parser)]
@@ -49,8 +53,11 @@ fn render(subject: &Subject, scene: &Scene) -> Result<Run, Failed> {
     Ok(Run { film: rendered.film, preparing, all: seconds.iter().sum() })
 }
 
+fn rgb(film: &Film) -> Vec<f64> {
+    film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from).collect()
+}
+
 fn difference(film: &Film, truth: &Film) -> f64 {
-    let rgb = |film: &Film| film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from).collect::<Vec<_>>();
     compare(rgb(film), rgb(truth)).relative_l2
 }
 
@@ -94,6 +101,35 @@ fn reference(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>>
     Ok(writeln!(page, "The point light's picture leaves out the 5 × 5 pixels around (91, 49).\n")?)
 }
 
+/// The small picture that brute force renders too: half-voxel steps, one ray a pixel.
+fn small(records: Records) -> Result<Scene, Failed> {
+    let mut scene = pictures::in_environment(records)?;
+    scene.quality.step = 0.5;
+    (scene.camera.width, scene.camera.height, scene.camera.samples) = (32, 24, 1);
+    Ok(scene)
+}
+
+/// The small picture by brute force, under the light and along the directions that `transmittance` records of `bands`
+/// bands have: what is left between the two is the record grid.
+fn by_brute_force(scene: &Scene, bands: u32, nside: u32) -> Result<Vec<f64>, Box<dyn Error>> {
+    let environment = scene.environment.as_ref().ok_or("the scene has no environment")?;
+    let basis = SphericalHarmonics::new(bands)?;
+    let light = environment.project_sh(&basis);
+    let integrals = pixel_integrals(nside, &basis);
+    let among: Vec<_> = healpix::directions(nside)
+        .into_iter()
+        .zip(integrals.chunks_exact(light.len()))
+        .map(|(direction, b)| {
+            let moment = light.iter().zip(b).map(|(f, b)| DVec3::from_array(*f) * *b).sum::<DVec3>();
+            (direction, moment)
+        })
+        .collect();
+    let brute = BruteForce::among(scene, &BruteSettings { nodes: 1, ..BruteSettings::default() }, &among);
+    let (width, pixels) = (scene.camera.width, scene.camera.width * scene.camera.height);
+    let pixel = |i| brute.pixel(i % width, i / width);
+    Ok((0..pixels).into_par_iter().flat_map_iter(|i| pixel(i).into_iter().take(3)).collect())
+}
+
 fn cells(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
     writeln!(page, "## Error against the number of cells\n")?;
     writeln!(
@@ -102,25 +138,36 @@ fn cells(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
     )?;
     writeln!(
         page,
-        "voxel, 4 samples. *Converged* is the same at 144 cells, two to a voxel, trilinear: what is left is the"
+        "voxel, 4 samples. *Brute force* is every ray's every point under the same light along the same directions, in"
     )?;
-    writeln!(page, "interpolation. *Reference* is env_single_sh3.exr.\n")?;
     writeln!(
         page,
-        "| cells | interpolation | against converged | against reference | seconds, records | seconds, all |"
+        "f64 with exact columns, on a picture of 32 × 24 pixels (records at half-voxel steps there): what is left is the"
     )?;
-    writeln!(page, "| ---: | --- | ---: | ---: | ---: | ---: |")?;
+    writeln!(
+        page,
+        "record grid. *Converged* is 144 cells, two to a voxel, trilinear. *Reference* is env_single_sh3.exr.\n"
+    )?;
+    writeln!(
+        page,
+        "| cells | interpolation | against brute force | against converged | against reference | seconds, records | seconds, all |"
+    )?;
+    writeln!(page, "| ---: | --- | ---: | ---: | ---: | ---: | ---: |")?;
     let records = |cells| Records { cells, ..pictures::records(Content::Transmittance, 3, 192) };
     let converged = render(subject, &scene(records(144)).map_err(told)?).map_err(told)?.film;
+    let brute = by_brute_force(&small(records(10)).map_err(told)?, 3, 4)?;
     for (name, interpolation) in [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)] {
         for cells in [10, 25, 50, 100] {
             let run =
                 render(subject, &scene(Records { interpolation, ..records(cells) }).map_err(told)?).map_err(told)?;
             let outside = pictures::against("env_single_sh3.exr", &run.film).map_err(told)?.relative_l2;
             let inside = difference(&run.film, &converged);
+            let little = small(Records { interpolation, ..records(cells) }).map_err(told)?;
+            let little = render(subject, &little).map_err(told)?.film;
             writeln!(
                 page,
-                "| {cells} | {name} | {} | {} | {} | {} |",
+                "| {cells} | {name} | {} | {} | {} | {} | {} |",
+                percent(compare(rgb(&little), brute.clone()).relative_l2),
                 percent(inside),
                 percent(outside),
                 number(run.preparing),

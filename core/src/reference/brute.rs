@@ -61,6 +61,18 @@ impl<'s> BruteForce<'s> {
     /// As [`BruteForce::new`], with `radiance` in place of the environment's where it is scattered: a truncation of
     /// it, say, which may be negative.
     pub fn under(scene: &'s Scene, settings: &BruteSettings, radiance: impl Fn(DVec3) -> DVec3) -> Self {
+        Self::with_sphere(scene, settings, sphere(scene, settings.rows, radiance))
+    }
+
+    /// As [`BruteForce::new`], with light from a few directions alone in place of the environment's where it is
+    /// scattered: unit directions toward it and the integrals of radiance that each stands for, W m⁻². So an
+    /// estimator's own set of directions can be held apart from the rest of its error.
+    pub fn among(scene: &'s Scene, settings: &BruteSettings, light: &[(DVec3, DVec3)]) -> Self {
+        let part = |&(direction, radiance)| Part { direction, solid_angle: 1.0, radiance };
+        Self::with_sphere(scene, settings, light.iter().map(part).collect())
+    }
+
+    fn with_sphere(scene: &'s Scene, settings: &BruteSettings, sphere: Vec<Part>) -> Self {
         let lattice = scene.medium.lattice();
         let d = lattice.dims();
         let mut slice = vec![0.0f32; d.x as usize * d.y as usize];
@@ -79,7 +91,7 @@ impl<'s> BruteForce<'s> {
             to_index: lattice.world_to_index(),
             density,
             emission,
-            sphere: sphere(scene, settings.rows, radiance),
+            sphere,
             pair: gauss_legendre(2),
             nodes: gauss_legendre(settings.nodes),
         }
