@@ -40,7 +40,8 @@ fi
 others=(--exclude airlight-wgpu --exclude airlight-opencl --exclude airlight-opencl-loader)
 AIRLIGHT_REQUIRE=cpu cargo test --workspace "${others[@]}" --all-targets
 AIRLIGHT_REQUIRE=$(vulkan_driver && echo wgpu || true) cargo test -p airlight-wgpu --all-targets
-AIRLIGHT_REQUIRE=$(opencl_driver && echo opencl || true) cargo test -p airlight-opencl -p airlight-opencl-loader --all-targets
+# Without --all-targets, which would build the loader's example libraries as tests and not as libraries.
+AIRLIGHT_REQUIRE=$(opencl_driver && echo opencl || true) cargo test -p airlight-opencl -p airlight-opencl-loader
 if opencl_driver; then
     # The whole suite on a device that is not the processor itself.
     AIRLIGHT_DEVICES=opencl AIRLIGHT_REQUIRE=opencl \
