@@ -47,4 +47,4 @@ if opencl_driver; then
     AIRLIGHT_DEVICES=opencl AIRLIGHT_REQUIRE=opencl \
         cargo test -p airlight-conformance --features opencl --test devices
 fi
-cargo test --workspace --doc
+cargo test --workspace "${others[@]}" --doc
