@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::harmonics;
 use super::phase::Phase;
-use super::project::segment;
 use super::sample::{Occupancy, Place, Ray, Texels, sample_rgba};
+use super::segment::segment;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;

@@ -7,3 +7,4 @@ pub(crate) mod project;
 pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;
+pub(crate) mod segment;
