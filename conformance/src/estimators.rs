@@ -99,7 +99,7 @@ fn unshadowed(subject: &Subject) -> Result<(), Failed> {
     check!(pairs.count() > 50 && darker == 0, "{darker} pixels are darker without a shadow");
     // p E = 1, so what is scattered is albedo · alpha.
     let expected = film.beauty.iter().flat_map(|p| [0, 1, 2].map(|c| f64::from(scene.optics.albedo[c] * p[3])));
-    compare(rgb(&film), expected).within("albedo times alpha", tolerance::PRODUCT_L2, tolerance::PRODUCT_L2)
+    compare(rgb(&film), expected).within("albedo times alpha", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
 }
 
 fn records_converge(subject: &Subject) -> Result<(), Failed> {

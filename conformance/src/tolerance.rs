@@ -33,9 +33,6 @@ pub const THIN_L2: f64 = 2e-3;
 /// light: with both at the centres they differ by 3·10⁻⁶, as they are by 2.4·10⁻⁴, and devices change nothing of that.
 pub const CONTENT_L2: f64 = 5e-4;
 
-/// A product of constants through the whole march: rounding of f32 over some tens of steps.
-pub const PRODUCT_L2: f64 = 1e-5;
-
 /// Records in cells of half a voxel against brute force. The density is noise from voxel to voxel, so the error is
 /// that of interpolation between cells and of second order: 3.2 % at cells of a voxel, 1.1 % at half. Finer
 /// directions, environment and view steps move it by a tenth.
