@@ -18,12 +18,19 @@ pub(crate) enum Cut {
     Whole,
     /// Into uneven pieces that are run in disorder.
     Pieces,
+    /// Into passes of so many turns of loops, each in uneven pieces.
+    Passes(u64),
 }
 
 /// Every [`Cut`].
 pub(crate) fn cuts() -> Axis<Cut> {
-    Axis::of("cut", [Cut::Whole, Cut::Pieces])
+    let passes = TURNS.map(|turns| (format!("passes of {turns} turns"), Cut::Passes(turns)));
+    let all = [("whole".to_owned(), Cut::Whole), ("pieces".to_owned(), Cut::Pieces)];
+    Axis::new("cut", all.into_iter().chain(passes))
 }
+
+/// Turns of loops that a stage is held to: enough for whole rays of some sets, for single steps of others.
+const TURNS: [u64; 3] = [4000, 600, 100];
 
 /// A device with the resources of a few stages.
 pub(crate) struct Bench {
@@ -85,9 +92,16 @@ impl Bench {
         stage.validate()?;
         let axis = stage.axis();
         let (first, second, third) = (axis / 5, axis / 2, axis - axis / 7);
+        let ranges = [second..third, 0..first, third..axis, first..first, first..second];
+        let whole = std::slice::from_ref(stage);
         let written = match cut {
-            Cut::Whole => self.pieces(stage, std::slice::from_ref(&(0..axis)))?,
-            Cut::Pieces => self.pieces(stage, &[second..third, 0..first, third..axis, first..first, first..second])?,
+            Cut::Whole => self.pieces(whole, std::slice::from_ref(&(0..axis)))?,
+            Cut::Pieces => self.pieces(whole, &ranges)?,
+            Cut::Passes(turns) => match stage.passes(turns) {
+                Ok(passes) => self.pieces(&passes, &ranges)?,
+                // What cannot be cut so far need not be.
+                Err(_) => self.pieces(whole, &ranges)?,
+            },
         };
         for (i, values) in written.iter().enumerate() {
             record.steady(&format!("output {i} of {}", stage.name()), values);
@@ -95,25 +109,33 @@ impl Bench {
         Ok(())
     }
 
-    fn pieces(&mut self, stage: &Stage, ranges: &[Range<u32>]) -> Result<Vec<Vec<f32>>, Failed> {
+    /// Runs the passes of a stage, each in ranges, and reads what they leave.
+    fn pieces(&mut self, passes: &[Stage], ranges: &[Range<u32>]) -> Result<Vec<Vec<f32>>, Failed> {
         let mut written = Vec::new();
-        for binding in stage.bindings() {
+        let name = passes[0].name();
+        for binding in passes[0].bindings() {
             if let Binding { id: Some(id), access: BindingAccess::Write(bytes), .. } = binding {
                 let buf = Buf::<f32>::new(id, bytes / 4);
                 self.device.write(id, 0, bytemuck::cast_slice(&vec![f32::NAN; buf.len as usize]))?;
-                written.push(buf);
+                // What passes leave to each other is no result.
+                if binding.name != "paths" {
+                    written.push(buf);
+                }
             }
         }
-        for range in ranges {
-            self.device.dispatch(stage, range.clone())?;
+        for stage in passes {
+            for range in ranges {
+                self.device.dispatch(stage, range.clone())?;
+            }
         }
         let times = self.device.finish()?;
-        if times.len() != ranges.len() {
-            return Err(format!("{} times for {} dispatches of {}", times.len(), ranges.len(), stage.name()).into());
+        let dispatched: Vec<_> = passes.iter().flat_map(|_| ranges).collect();
+        if times.len() != dispatched.len() {
+            return Err(format!("{} times for {} dispatches of {name}", times.len(), dispatched.len()).into());
         }
-        for (time, range) in times.iter().zip(ranges) {
-            if time.stage != stage.name() || time.range != *range {
-                return Err(format!("a time of {} {:?} for {} {range:?}", time.stage, time.range, stage.name()).into());
+        for (time, range) in times.iter().zip(dispatched) {
+            if time.stage != name || time.range != *range {
+                return Err(format!("a time of {} {:?} for {name} {range:?}", time.stage, time.range).into());
             }
         }
         written.into_iter().map(|buf| self.read(buf)).collect()

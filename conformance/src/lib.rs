@@ -30,8 +30,10 @@ mod fixtures;
 mod keys;
 pub mod pictures;
 mod record;
+mod report;
 mod sidecar;
 mod stages;
+mod suite;
 pub mod tolerance;
 mod truth;
 
@@ -46,7 +48,9 @@ pub use case::{Axis, Case, Labels, Need};
 pub use compare::{Difference, compare};
 pub use libtest_mimic::Failed;
 pub use record::{MISMATCHES, Mismatch, Mismatches, Picture, Place, Record, Score, rgb};
+pub use report::{Reported, write_report};
 pub use sidecar::{AxisRecord, DeviceRecord, FORMAT, FORMAT_VERSION, Outcome, Sidecar, ToleranceRecord};
+pub use suite::try_all;
 pub use tolerance::Tolerance;
 
 type Open = dyn Fn() -> Result<Box<dyn Device>, String> + Send + Sync;
