@@ -1,8 +1,10 @@
 //! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures.
 //!
-//! Exit codes: 0 well; 1 failed while running; 2 bad usage or bad input; 3 a comparison fell short.
+//! Exit codes: 0 well; 1 failed while running; 2 bad usage or bad input; 3 a comparison fell short, or a device failed the
+//! conformance suite.
 
 mod compare;
+mod conformance;
 mod devices;
 mod failure;
 mod info;
@@ -34,6 +36,8 @@ enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Hold devices to the conformance suite.
+    Conformance(conformance::Options),
 }
 
 fn main() -> ExitCode {
@@ -42,6 +46,7 @@ fn main() -> ExitCode {
         Command::Devices(options) => devices::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Conformance(options) => conformance::run(&options),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

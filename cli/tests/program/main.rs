@@ -3,6 +3,7 @@
 
 mod cameras;
 mod compare;
+mod conformance;
 mod damage;
 mod limits;
 mod outputs;

@@ -106,8 +106,8 @@ fn devices(all: &Results) -> Markup {
                 td { (device.kind) }
                 td { (device.features.join(", ")) }
                 td.dim {
-                    "buffers " (device.buffer_bytes) " bytes, bindings " (device.binding_bytes) " bytes, fields "
-                    (device.field_side) " a side, filter " (device.filter_bits) " bits"
+                    "buffers " (device.limits.buffer_bytes) " bytes, bindings " (device.limits.binding_bytes) " bytes, fields "
+                    (device.limits.field_side) " a side, filter " (device.filter_bits) " bits"
                 }
                 td { (counts(all.of(i))) }
                 td.number { (format!("{:.1}", all.of(i).map(|r| r.seconds).sum::<f64>())) }
