@@ -14,6 +14,14 @@ fn tried(run: impl Fn(&Subject, &mut Record) -> Result<(), Failed> + Send + Sync
     Case::new("mine::case", "A trial.", run).within(&TOLERANCE).run(&cpu())
 }
 
+/// The same of a case that only books.
+fn booked(book: impl Fn(&mut Record) + Send + Sync + 'static) -> Sidecar {
+    tried(move |_, record| {
+        book(record);
+        Ok(())
+    })
+}
+
 fn reason(result: &Sidecar) -> &str {
     assert!(result.outcome.failed(), "{result:?}");
     result.outcome.reason().unwrap_or_default()
@@ -37,42 +45,41 @@ fn a_score_above_its_threshold_fails_the_case_and_ends_nothing() {
 fn values_are_held_to_both_bounds() {
     let far = [1.0f32; 100];
     let near: Vec<f64> = far.iter().map(|v| f64::from(*v) * 1.009).collect();
-    assert_eq!(tried(move |_, record| Ok(record.hold("near", far, near.clone()))).outcome, Outcome::Passed);
+    assert_eq!(booked(move |record| record.hold("near", far, near.clone())).outcome, Outcome::Passed);
 
     // One value is off by more than a tenth of the largest, all together by less than a hundredth.
     let mut one = [1.0f32; 1000];
     one[417] = 1.2;
-    let result = tried(move |_, record| Ok(record.hold("one", one, [1.0; 1000])));
+    let result = booked(move |record| record.hold("one", one, [1.0; 1000]));
     assert_eq!(result.scores.iter().map(Score::holds).collect::<Vec<_>>(), [true, false]);
     let [found] = &result.mismatches[0].values[..] else { panic!("{result:?}") };
     assert_eq!((found.index, found.found, found.expected), (417, f64::from(1.2f32), 1.0));
-    assert!(reason(&result).contains("value 417 is 1.2") && reason(&result).contains("should be 1"));
+    assert!(reason(&result).contains("value 417 is 1.20000005 and should be 1"));
 
     // All are off by two hundredths: the first eight are kept.
-    let result = tried(move |_, record| Ok(record.hold("all", [1.02f32; 50], [1.0; 50])));
+    let result = booked(move |record| record.hold("all", [1.02f32; 50], [1.0; 50]));
     assert_eq!(result.scores.iter().map(Score::holds).collect::<Vec<_>>(), [false, true]);
     let indices: Vec<_> = result.mismatches[0].values.iter().map(|m| m.index).collect();
     assert_eq!(indices, [0, 1, 2, 3, 4, 5, 6, 7]);
 
     for bad in [f32::NAN, f32::INFINITY] {
-        let result = tried(move |_, record| Ok(record.hold("bad", [1.0, bad], [1.0, 1.0])));
+        let result = booked(move |record| record.hold("bad", [1.0, bad], [1.0, 1.0]));
         assert_eq!(result.mismatches[0].values[0].index, 1, "{result:?}");
         reason(&result);
     }
-    reason(&tried(|_, record| Ok(record.hold("too few", [1.0f32], [1.0, 1.0]))));
-    reason(&tried(|_, record| Ok(record.hold("not zero", [1e-30f32], [0.0]))));
-    let infinite =
-        |_: &Subject, record: &mut Record| Ok(record.hold("same", [f32::INFINITY, 0.0], [f64::INFINITY, 0.0]));
-    assert_eq!(tried(infinite).outcome, Outcome::Passed);
+    reason(&booked(|record| record.hold("too few", [1.0f32], [1.0, 1.0])));
+    reason(&booked(|record| record.hold("not zero", [1e-30f32], [0.0])));
+    let infinite = |record: &mut Record| record.hold("same", [f32::INFINITY, 0.0], [f64::INFINITY, 0.0]);
+    assert_eq!(booked(infinite).outcome, Outcome::Passed);
 }
 
 #[test]
 fn bits_are_held_to_bits() {
-    let result = tried(|_, record| Ok(record.same("zeros", &[0.0, -0.0, 1.0], &[0.0, 0.0, 1.0])));
+    let result = booked(|record| record.same("zeros", &[0.0, -0.0, 1.0], &[0.0, 0.0, 1.0]));
     assert_eq!(result.mismatches[0].values[0].index, 1);
     assert_eq!(result.scores[0].value, 1.0);
-    reason(&tried(|_, record| Ok(record.same("short", &[0.0], &[0.0, 0.0]))));
-    assert!(tried(|_, record| Ok(record.same("not numbers", &[f32::NAN], &[f32::NAN]))).outcome.passed());
+    reason(&booked(|record| record.same("short", &[0.0], &[0.0, 0.0])));
+    assert!(booked(|record| record.same("not numbers", &[f32::NAN], &[f32::NAN])).outcome.passed());
 }
 
 #[test]
