@@ -151,6 +151,7 @@ impl Recipe {
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
             ("BLOCK", March::BLOCK),
+            ("ALL_STEPS", March::ALL_STEPS),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);

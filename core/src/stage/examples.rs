@@ -50,7 +50,8 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             tables: buf(5),
             environment: full.then(|| buf(6)),
             surface: full.then(|| buf(7)),
-            film: buf(8),
+            paths: full.then(|| buf(8)),
+            film: buf(9),
         }),
     ]
 }
