@@ -2,7 +2,6 @@
 
 use airlight::device::{Buf, Device, DeviceError, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 use airlight::stage::{Reduce, ReduceParams, Stage};
-use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use crate::bench::Bench;

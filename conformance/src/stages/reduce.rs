@@ -26,7 +26,11 @@ pub(crate) fn cases() -> Vec<Case> {
         .into_iter()
         .map(|(name, cells, probes, margin, second)| {
             let side = |a: usize| DIMS[a] as f32 / cells[a] as f32;
-            let params = ReduceParams::new([DIMS.x, DIMS.y, DIMS.z, 0], [cells[0], cells[1], cells[2], probes], [side(0), side(1), side(2), margin]);
+            let params = ReduceParams::new(
+                [DIMS.x, DIMS.y, DIMS.z, 0],
+                [cells[0], cells[1], cells[2], probes],
+                [side(0), side(1), side(2), margin],
+            );
             Case::new(format!("stage::reduce::{name}"), move |subject| one(subject, params, second))
         })
         .collect();
