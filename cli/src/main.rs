@@ -10,6 +10,7 @@ mod output;
 mod progress;
 mod render;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -37,6 +38,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    quieten();
     let done = match Cli::parse().command {
         Command::Render(options) => render::run(&options),
         Command::Devices(options) => devices::run(&options),
@@ -48,6 +50,19 @@ fn main() -> ExitCode {
         Err(failure) => {
             output::remark(&format!("error: {}", failure.message));
             ExitCode::from(failure.code)
+        }
+    }
+}
+
+/// Keeps Mesa from lines on standard error that begin with `error:` where nobody is logged in: its layer that orders
+/// graphics cards looks for a Wayland desktop, and libwayland complains that there is none.
+fn quieten() {
+    let desktop = std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|folder| Path::new(&folder).is_absolute());
+    if !desktop && std::env::var_os("NODEVICE_SELECT").is_none() {
+        #[allow(unsafe_code, reason = "no other thread runs yet that could read the environment")]
+        // SAFETY: it is the first call of `main`, and the program has one thread.
+        unsafe {
+            std::env::set_var("NODEVICE_SELECT", "1");
         }
     }
 }

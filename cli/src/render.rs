@@ -69,9 +69,11 @@ pub(crate) fn run(options: &Options) -> Done {
         return Err(Failure::input(what));
     }
     let outputs = outputs(options)?;
-    let LoadedScene { scene, warnings, .. } = load(options)?;
+    let LoadedScene { scene, mut warnings, .. } = load(options)?;
+    let airlight::Chosen { device, passed_over } = airlight::choose(&options.device)?;
+    warnings.extend(passed_over);
     warnings.iter().for_each(|w| output::remark(&format!("warning: {w}")));
-    let mut renderer = Renderer::new(airlight::open(&options.device)?);
+    let mut renderer = Renderer::new(device);
     let loaded = begin.elapsed();
 
     let mut meter = Meter::new();
