@@ -1,7 +1,9 @@
-//! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures.
+//! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures, measures
+//! devices.
 //!
 //! Exit codes: 0 well; 1 failed while running; 2 bad usage or bad input; 3 a comparison fell short.
 
+mod bench;
 mod compare;
 mod devices;
 mod failure;
@@ -35,6 +37,8 @@ enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Measure how fast each device is, in a few seconds.
+    Bench(bench::Options),
 }
 
 fn main() -> ExitCode {
@@ -44,6 +48,7 @@ fn main() -> ExitCode {
         Command::Devices(options) => devices::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Bench(options) => bench::run(&options),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

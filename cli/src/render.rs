@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use airlight::Renderer;
 use airlight::device::DeviceInfo;
-use airlight::exec::{Hooks, Rendered};
+use airlight::exec::{Hooks, Progress, Rendered};
 use airlight::scene::{EnvironmentEstimate, LightsEstimate, Scene};
 use airlight_formats::image::{ToneMap, check_ending, write_film};
 use airlight_formats::scene::{LoadedScene, load_scene};
@@ -77,7 +77,7 @@ pub(crate) fn run(options: &Options) -> Done {
     let loaded = begin.elapsed();
 
     let mut meter = Meter::new();
-    let mut show = |progress| meter.show(progress);
+    let mut show = |progress: Progress| meter.show(progress.stage, progress.done);
     let hooks = &mut Hooks { progress: Some(&mut show), cancel: None };
     let rendered = renderer.render_with(&scene, hooks)?;
     drop(meter);

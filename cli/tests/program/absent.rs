@@ -88,3 +88,17 @@ fn a_backend_that_is_asked_for_is_one_clear_error() {
     }
     assert_eq!(bench.outputs(), Vec::<String>::new());
 }
+
+#[test]
+fn bench_says_what_is_absent_and_measures_the_processor() {
+    let bench = Workbench::new();
+    let ended = bench.end(bare(&bench, &["bench", "--json"]));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(told["devices"].as_array().unwrap().len(), 1);
+    assert_eq!(told["devices"][0]["device"]["id"], "cpu:0");
+    for (n, reason) in [VULKAN, OPENCL].iter().enumerate() {
+        assert!(told["absent"][n]["reason"].as_str().unwrap().contains(reason), "{told:#}");
+        assert!(ended.stderr.lines().nth(n).unwrap_or_default().contains(reason), "{ended:?}");
+    }
+}
