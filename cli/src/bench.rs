@@ -113,7 +113,7 @@ fn table(measured: &[Measured]) -> Vec<String> {
     let width = |n: usize| if n == 0 { TIME } else { TIME + RATIO };
     let row = |name: &str, cells: Vec<String>| {
         let cells: String = cells.iter().enumerate().map(|(n, cell)| format!("{cell:>0$}", width(n))).collect();
-        format!("{name:<NAMES$}{cells}")
+        format!("{name:<NAMES$}{cells}").trim_end().to_owned()
     };
     lines.push(row("", measured.iter().map(|m| m.info.id()).collect()));
     for name in quick::names() {
