@@ -111,8 +111,9 @@ fn subjects(options: &Options) -> Result<Vec<Subject>, Failure> {
     for choice in &options.device {
         let Err(reason) = add(choice) else { continue };
         let names = |backend: &str| choice.split(':').next().is_some_and(|b| b.eq_ignore_ascii_case(backend));
-        // A backend without its loader or driver is an absent device; all else is a wrong name.
-        if !airlight::devices().iter().any(|backend| backend.devices.is_err() && names(backend.name)) {
+        // A backend without its loader, driver or devices is an absent device; all else is a wrong name.
+        let none = |backend: &airlight::Backend| backend.devices.as_ref().map_or(true, Vec::is_empty);
+        if !airlight::devices().iter().any(|backend| names(backend.name) && none(backend)) {
             return Err(Failure::input(why(reason)));
         }
         skipped(choice, &why(reason));
