@@ -72,6 +72,7 @@ impl CpuDevice {
             },
             features: vec![format!("{cores} threads"), isa.name().to_owned()],
             filter_bits: 24,
+            unusable: None,
         };
         Self { info, isa, resources: HashMap::new(), times: Vec::new() }
     }

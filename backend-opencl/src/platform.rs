@@ -162,5 +162,6 @@ fn describe(index: usize, found: &Found) -> DeviceInfo {
         },
         features,
         filter_bits: 24,
+        unusable: None,
     }
 }

@@ -12,6 +12,7 @@ use wgpu::QuerySet;
 
 use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
+use crate::engine::Engine;
 use crate::gpu::{Gpu, STAGING};
 use crate::launch::{Launches, Shot};
 use crate::memory::{Resource, texture_format};
@@ -25,10 +26,11 @@ pub struct WgpuDevice {
     pub(crate) info: DeviceInfo,
     pub(crate) gpu: Gpu,
     pub(crate) limits: wgpu::Limits,
-    store: Store,
+    pub(crate) store: Store,
     /// Kernels by stage and the shapes of its bindings.
     pipelines: HashMap<(&'static str, Vec<Shape>), Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
+    pub(crate) engine: Engine,
     clock: Clock,
 }
 
@@ -44,11 +46,11 @@ fn span(offset: u64, len: usize, bytes: u64) -> Result<(), DeviceError> {
 }
 
 impl WgpuDevice {
-    /// An opened adapter.
-    pub(crate) fn new(info: DeviceInfo, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self, DeviceError> {
-        let stamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
-        let tick = stamps.then(|| f64::from(queue.get_timestamp_period()));
-        let (limits, gpu) = (device.limits(), Gpu::new(device, queue));
+    /// What `gpu` is, ready to work.
+    pub(crate) fn new(info: DeviceInfo, gpu: Gpu) -> Result<Self, DeviceError> {
+        let stamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
+        let limits = gpu.device.limits();
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -56,11 +58,12 @@ impl WgpuDevice {
             gpu,
             pipelines: HashMap::new(),
             publishers: HashMap::new(),
+            engine: Engine::default(),
             clock: Clock::new(tick),
         })
     }
 
-    fn binding_limits(&self) -> BindingLimits {
+    pub(crate) fn binding_limits(&self) -> BindingLimits {
         let align = u64::from(self.limits.min_storage_buffer_offset_alignment).max(4);
         BindingLimits { bytes: self.info.limits.binding_bytes, align }
     }
@@ -201,5 +204,10 @@ impl Device for WgpuDevice {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.clock.finish(&mut self.gpu)
+    }
+
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.clock.forget();
+        self.gpu.flush()
     }
 }

@@ -8,6 +8,7 @@ mod adapter;
 mod clock;
 mod cut;
 mod device;
+pub mod engine;
 mod gpu;
 mod launch;
 mod memory;
@@ -16,6 +17,7 @@ mod source;
 mod store;
 
 pub use device::WgpuDevice;
+pub use wgpu;
 
 use airlight_core::device::Provider;
 

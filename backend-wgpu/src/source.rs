@@ -311,4 +311,4 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -58,6 +58,7 @@ fn fog(optics: Optics) -> Scene {
         medium: Arc::new(Homogeneous::new(DENSITY, BOX.min, BOX.max).expect("a box")),
         optics,
         environment: None,
+        background: None,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality::default(),

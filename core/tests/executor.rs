@@ -53,6 +53,7 @@ impl Bookkeeper {
             limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048 },
             features: Vec::new(),
             filter_bits: 24,
+            unusable: None,
         };
         let device = Self { info, books: Arc::clone(&books), memory: HashMap::new(), times: Vec::new() };
         (Executor::new(Box::new(device)), books)

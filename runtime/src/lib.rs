@@ -23,6 +23,7 @@
 //!     medium: Arc::new(Homogeneous::new(1.0, DVec3::ZERO, DVec3::ONE)?),
 //!     optics: Optics::grey(3.0, 0.9), // extinction in 1/m, albedo
 //!     environment: Some(Environment::uniform(Vec3::splat(0.5))?),
+//!     background: None,
 //!     lights: vec![Light::directional(DVec3::new(0.3, 1.0, 0.2), Vec3::splat(2.0))?],
 //!     estimate: Estimate::default(),
 //!     quality: Quality::default(),
@@ -41,7 +42,13 @@
 //! # }
 //! ```
 //!
+//! With the feature `wgpu`, an engine lays a medium over what it drew on its own device, without a copy to the host: see
+//! `airlight::engine` and `examples/overlay`.
+//!
 //! Files are read and written by `airlight-formats`; the program `airlight` puts both together.
+
+#[cfg(feature = "wgpu")]
+pub use airlight_wgpu::{engine, wgpu};
 
 pub use airlight_core::*;
 pub use exec::Renderer;
@@ -117,6 +124,7 @@ pub fn open_among(providers: &[Provider], choice: &str) -> Result<Box<dyn Device
         return Err(fail(reason.to_string()));
     }
     let all = || listed.iter().flat_map(|(p, found)| found.iter().flatten().map(move |info| (*p, info)));
+    let usable = || all().filter(|(_, info)| info.unusable.is_none());
     let found = if wanted == "auto" {
         let rank = |kind: DeviceKind| match kind {
             DeviceKind::DiscreteGpu => 0,
@@ -125,9 +133,9 @@ pub fn open_among(providers: &[Provider], choice: &str) -> Result<Box<dyn Device
             DeviceKind::Other => 3,
             DeviceKind::SoftwareGpu => 4,
         };
-        all().filter(|(_, info)| info.kind != DeviceKind::SoftwareGpu).min_by_key(|(_, info)| rank(info.kind))
+        usable().filter(|(_, info)| info.kind != DeviceKind::SoftwareGpu).min_by_key(|(_, info)| rank(info.kind))
     } else if listed.iter().any(|(p, _)| wanted == p.name) {
-        all().next()
+        usable().next().or_else(|| all().next())
     } else {
         all()
             .find(|(_, info)| info.id() == wanted)

@@ -60,7 +60,7 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
 }
 
 /// Reads and validates a kernel; faults name their file and line.
-fn module(text: &Text) -> Result<naga::Module, String> {
+pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.wgsl).map_err(|error| {
         let line = error.location(&text.wgsl).map_or(0, |at| at.line_number as usize);
         format!("{:?}: {}", text.place(line), error.message())
@@ -158,6 +158,8 @@ fn structs_lie_in_wgsl_as_in_rust() {
     check::<LightRecord>();
     check::<Launch>();
     check::<PublishParams>();
+    check::<crate::engine::ImportParams>();
+    check::<crate::engine::ExportParams>();
 }
 
 #[test]
