@@ -2,14 +2,6 @@
 // march along a batch of directions, then each sums its own values of the record over the batch, in the order of the
 // directions.
 
-@group(1) @binding(2) var<storage, read> occupancy: array<vec2<f32>>;
-@group(1) @binding(3) var<storage, read> directions: array<vec4<f32>>;
-@group(1) @binding(4) var<storage, read> weights: array<f32>;
-@group(1) @binding(5) var<storage, read> emission_weights: array<f32>;
-@group(1) @binding(6) var<storage, read> phase_table: array<f32>;
-@group(1) @binding(7) var<storage, read_write> records: array<f32>;
-@group(1) @binding(8) var<storage, read_write> emission_records: array<f32>;
-
 const LANES: u32 = 64u;
 // Values of a record and of the emission's moments that one invocation may have to sum.
 const SLOTS: u32 = (6u * HARMONICS_MAX + LANES - 1u) / LANES;

@@ -1,7 +1,5 @@
 // `reduce`: coarse mean and maximum of a field. One invocation a coarse cell.
 
-@group(1) @binding(2) var<storage, read_write> reduced: array<vec2<f32>>;
-
 @compute @workgroup_size(64)
 fn reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let n = number(id) * 64u + lane;

@@ -306,3 +306,5 @@ fn perspective(camera: &Camera, at_zero: f64, at_one: f64) -> DMat4 {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+pub(crate) use tests::kernels;

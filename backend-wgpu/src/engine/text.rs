@@ -2,13 +2,13 @@
 
 use std::fmt::Write as _;
 
-use airlight_core::device::KernelStruct;
+use airlight_core::device::{KernelLanguage, KernelStruct};
 use airlight_core::kernel_struct;
 use airlight_core::scene::Background;
 use wgpu::TextureFormat;
 
 use super::textures::{Kind, format_name};
-use crate::source::{Launch, Text};
+use crate::source::{Text, uniforms};
 
 kernel_struct! {
     /// Parameters of `import_surface`.
@@ -62,18 +62,15 @@ pub(super) mod depth_kind {
 /// Pixels of a workgroup.
 pub(super) const UNITS: u32 = 64;
 
+const WGSL: KernelLanguage = KernelLanguage::Wgsl;
+
 fn prelude<P: KernelStruct>() -> String {
-    let mut out = Launch::wgsl() + &P::wgsl();
-    // Writing to a String cannot fail.
-    let _ = writeln!(out, "@group(0) @binding(0) var<uniform> params: {};", P::NAME);
-    let _ = writeln!(out, "@group(0) @binding(1) var<uniform> launch: Launch;");
-    out
+    P::text(WGSL) + &uniforms(P::NAME)
 }
 
 fn whole(generated: &str, name: &'static str, text: &str) -> Text {
     let mut whole = Text::default();
     whole.push("generated", generated);
-    whole.push("launch.wgsl", include_str!("../../kernels/launch.wgsl"));
     whole.push(name, text);
     whole
 }
@@ -81,15 +78,15 @@ fn whole(generated: &str, name: &'static str, text: &str) -> Text {
 /// `import_surface` of colour and depth, where they are there.
 pub(super) fn import([color, depth]: [Option<Kind>; 2]) -> Text {
     let mut out = prelude::<ImportParams>();
-    let _ = writeln!(out, "const FAR: f32 = {:e};", Background::FAR);
-    let _ = writeln!(out, "const has_color: bool = {};", color.is_some());
-    for (name, value) in [("DISTANCE", depth_kind::DISTANCE), ("AXIS", depth_kind::AXIS)] {
-        let _ = writeln!(out, "const DEPTH_{name}: u32 = {value}u;");
-    }
+    out += &WGSL.float("FAR", Background::FAR);
+    out += &WGSL.truth("has_color", color.is_some());
+    out += &WGSL.integer("DEPTH_DISTANCE", depth_kind::DISTANCE);
+    out += &WGSL.integer("DEPTH_AXIS", depth_kind::AXIS);
     let mut binding = 0;
     let mut texture = |name: &str, kind: Option<Kind>, value: &str, load: &str, none: &str| {
         let mut body = none.to_owned();
         if let Some(kind) = kind {
+            // Writing to a String cannot fail.
             let _ = writeln!(out, "@group(2) @binding({binding}) var {name}: {};", kind.wgsl());
             binding += 1;
             body = format!("textureLoad({name}, at, 0){}", if kind == Kind::Depth { "" } else { load });
@@ -98,7 +95,7 @@ pub(super) fn import([color, depth]: [Option<Kind>; 2]) -> Text {
     };
     texture("color", color, "vec3<f32>", ".xyz", "vec3<f32>(0.0)");
     texture("depth", depth, "f32", ".x", "-1.0");
-    whole(&out, "import.wgsl", include_str!("../../kernels/import.wgsl"))
+    whole(&out, "import.wgsl", include_str!("import.wgsl"))
 }
 
 /// `export_film` into textures of these formats: beauty and transmittance.
@@ -116,5 +113,5 @@ pub(super) fn export(formats: [Option<TextureFormat>; 2]) -> Text {
         }
         let _ = writeln!(out, "fn store_{name}(at: vec2<u32>, value: vec4<f32>) {{\n{body}}}");
     }
-    whole(&out, "export.wgsl", include_str!("../../kernels/export.wgsl"))
+    whole(&out, "export.wgsl", include_str!("export.wgsl"))
 }

@@ -8,6 +8,7 @@ mod decorate;
 mod kernel;
 mod resource;
 mod slabs;
+mod text;
 
 use std::any::Any;
 use std::ops::Range;
@@ -15,9 +16,12 @@ use std::time::Duration;
 
 pub use bytes::Bytes;
 pub use decorate::{Fault, Faulty, Traced};
-pub use kernel::{KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout};
+pub use kernel::{
+    BufferElement, KernelElement, KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout,
+};
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 pub use slabs::Slabs;
+pub use text::{Helper, KernelFile, KernelLanguage, KernelText, Recipe, Shape, ShapeKind};
 
 use crate::stage::Stage;
 
@@ -144,6 +148,8 @@ pub struct Limits {
     pub binding_bytes: u64,
     /// The longest side of a field held in one piece.
     pub field_side: u32,
+    /// How often all loops of one invocation of a kernel may turn together, where the driver bounds that.
+    pub loop_turns: Option<u32>,
 }
 
 /// What a device is and can do.

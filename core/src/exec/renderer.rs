@@ -281,7 +281,8 @@ fn plan_march<'a>(
     tables.extend(phase.table);
     let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
     let pixels = u64::from(camera.width) * u64::from(camera.height);
-    let march = March {
+    (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);
+    let mut march = March {
         params,
         density: medium.density,
         emission: medium.emission.field(),
@@ -291,8 +292,12 @@ fn plan_march<'a>(
         tables: plan.table("march tables", tables),
         environment,
         surface,
+        paths: None,
         film: plan.output("film", 2 * pixels),
     };
+    if plan.loop_turns().is_some_and(|turns| march.keeps_paths(turns.into())) {
+        march.paths = Some(plan.work("paths", 2 * pixels));
+    }
     let film = march.film;
     plan.stage(Stage::March(march));
     film

@@ -4,12 +4,14 @@
 //! ranges that do not depend on each other. Each file here says what its stage computes and where that comes from;
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
+mod examples;
 mod grid;
 mod march;
 mod project;
 mod reduce;
 mod relight;
 
+pub use examples::examples;
 pub use grid::{GridParams, PhaseParams};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
@@ -43,6 +45,15 @@ pub trait Kernel {
     /// # Errors
     /// What does not fit. Kernels index without checks behind this one.
     fn validate(&self) -> Result<(), String>;
+
+    /// The stage cut into passes, so that all loops of an invocation together turn at most `turns` times. Passes run in
+    /// order, each over the whole work axis, and each goes on from what the ones before left in the outputs.
+    ///
+    /// # Errors
+    /// What turns more often and cannot be cut.
+    fn passes(&self, turns: u64) -> Result<Vec<Self>, String>
+    where
+        Self: Sized;
 }
 
 /// A stage with its parameters and resources. Devices match it without a catch-all arm, so that a new stage does not
@@ -104,6 +115,20 @@ impl Stage {
         each!(self, stage => stage.group())
     }
 
+    /// The stage cut into passes, so that all loops of an invocation together turn at most `turns` times. Passes run in
+    /// order, each over the whole work axis, and each goes on from what the ones before left in the outputs.
+    ///
+    /// # Errors
+    /// What turns more often and cannot be cut.
+    pub fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
+        Ok(match self {
+            Self::Reduce(stage) => stage.passes(turns)?.into_iter().map(Self::Reduce).collect(),
+            Self::Project(stage) => stage.passes(turns)?.into_iter().map(Self::Project).collect(),
+            Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
+            Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
+        })
+    }
+
     /// Whether parameters and resources fit each other.
     ///
     /// # Errors
@@ -135,24 +160,16 @@ pub(crate) use require;
 mod tests {
     use super::*;
     use crate::device::{Buf, Field, FieldFormat, FieldSpec};
-    use crate::device::{KernelStruct, ResourceId};
+    use crate::device::{KernelLanguage, KernelStruct, ResourceId};
     use bytemuck::Zeroable;
 
     #[test]
     fn shared_structs_have_the_same_text_in_both_languages() {
-        assert_eq!(
-            RelightParams::wgsl().lines().nth(1).map(str::trim),
-            Some("cells: u32,"),
-            "{}",
-            RelightParams::wgsl()
-        );
-        for (wgsl, opencl) in [
-            (ReduceParams::wgsl(), ReduceParams::opencl()),
-            (ProjectParams::wgsl(), ProjectParams::opencl()),
-            (MarchParams::wgsl(), MarchParams::opencl()),
-            (LightRecord::wgsl(), LightRecord::opencl()),
-        ] {
-            assert_eq!(wgsl.lines().count(), opencl.lines().count());
+        use KernelLanguage::{Opencl, Wgsl};
+        assert_eq!(RelightParams::text(Wgsl).lines().nth(1), Some("    cells: u32,"));
+        assert_eq!(RelightParams::text(Opencl).lines().nth(1), Some("    uint cells;"));
+        for text in [ReduceParams::text, ProjectParams::text, MarchParams::text, LightRecord::text] {
+            assert_eq!(text(Wgsl).lines().count(), text(Opencl).lines().count());
         }
     }
 
