@@ -1,11 +1,13 @@
 //! Finding and opening adapters.
 
 use airlight_core::device::{DeviceInfo, DeviceKind, Limits, Unavailable};
+use airlight_core::host;
 use wgpu::{Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags};
 
 use crate::WgpuDevice;
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
+use crate::vulkan::{self, Stated};
 
 /// The most texels of a side that the index of a slab's slice is meant for; real limits are far below.
 const SIDE: u32 = 1 << 15;
@@ -99,7 +101,10 @@ pub(crate) fn shortfall(limits: &wgpu::Limits) -> Option<String> {
 fn of_adapter(index: usize, adapter: &Adapter) -> DeviceInfo {
     let limits = adapter.limits();
     let unusable = shortfall(&limits);
-    DeviceInfo { unusable, ..describe(index, adapter.get_info(), &limits, adapter.features()) }
+    DeviceInfo {
+        unusable,
+        ..describe(index, adapter.get_info(), &limits, adapter.features(), vulkan::of_adapter(adapter))
+    }
 }
 
 /// A device of these limits and features on an adapter.
@@ -108,6 +113,7 @@ pub(crate) fn describe(
     info: wgpu::AdapterInfo,
     limits: &wgpu::Limits,
     available: Features,
+    stated: Stated,
 ) -> DeviceInfo {
     let mut features = vec![info.backend.to_string()];
     let driver = format!("{} {}", info.driver, info.driver_info);
@@ -125,7 +131,8 @@ pub(crate) fn describe(
             DeviceType::Cpu => DeviceKind::SoftwareGpu,
             DeviceType::VirtualGpu | DeviceType::Other => DeviceKind::Other,
         },
-        memory_bytes: None,
+        // Mesa's software driver states a constant.
+        memory_bytes: if info.device_type == DeviceType::Cpu { host::memory() } else { stated.memory },
         limits: Limits {
             buffer_bytes: limits.max_buffer_size,
             binding_bytes: limits.max_storage_buffer_binding_size,

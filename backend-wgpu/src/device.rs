@@ -5,8 +5,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, FieldFormat, ResourceId, ResourceSpec, StageTime,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, ResourceId, ResourceSpec, StageTime,
 };
+use airlight_core::host;
 use airlight_core::stage::Stage;
 use wgpu::QuerySet;
 
@@ -19,6 +20,7 @@ use crate::memory::{Resource, texture_format};
 use crate::pipeline::Pipeline;
 use crate::source::{self, PublishParams, Shape};
 use crate::store::{Bound, Store};
+use crate::vulkan;
 
 /// A graphics processor as a device.
 #[derive(Debug)]
@@ -111,6 +113,13 @@ impl WgpuDevice {
 impl Device for WgpuDevice {
     fn info(&self) -> &DeviceInfo {
         &self.info
+    }
+
+    fn free_memory(&self) -> Option<u64> {
+        if self.info.kind == DeviceKind::SoftwareGpu {
+            return host::free_memory();
+        }
+        vulkan::free(&self.gpu.device)
     }
 
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {

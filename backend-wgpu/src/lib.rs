@@ -15,6 +15,7 @@ mod memory;
 mod pipeline;
 mod source;
 mod store;
+mod vulkan;
 
 pub use device::WgpuDevice;
 pub use wgpu;

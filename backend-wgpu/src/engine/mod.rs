@@ -52,6 +52,7 @@ use crate::gpu::Gpu;
 use crate::launch::{Launches, Shot};
 use crate::pipeline::Pipeline;
 use crate::store::Bound;
+use crate::vulkan;
 use text::depth_kind;
 pub(crate) use text::{ExportParams, ImportParams};
 use textures::{Kind, Role};
@@ -148,7 +149,7 @@ impl WgpuDevice {
         if let Some(reason) = adapter::shortfall(&limits) {
             return Err(Unavailable(format!("{}: {reason}", info.name)));
         }
-        let info = adapter::describe(0, info, &limits, features);
+        let info = adapter::describe(0, info, &limits, features, vulkan::of_device(&device));
         let name = info.name.clone();
         Self::new(info, Gpu::shared(device, queue)).map_err(|error| Unavailable(format!("{name}: {error}")))
     }
