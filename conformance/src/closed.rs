@@ -7,11 +7,11 @@ use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
-use airlight::scene::{Content, EnvironmentEstimate, Estimate, Quality, Records, Scene};
+use airlight::scene::{Background, Content, EnvironmentEstimate, Estimate, Quality, Records, Scene};
 use libtest_mimic::Failed;
 
 use crate::compare::compare;
-use crate::fixtures::{camera, chromatic, grey, phases};
+use crate::fixtures::{camera, chromatic, grey, noise, phases};
 use crate::{Case, Subject, check, tolerance};
 
 /// The box of every scene here, metres.
@@ -35,6 +35,9 @@ pub(crate) fn cases() -> Vec<Case> {
         Case::new("closed::beer_lambert_rotated_lattice", rotated),
         Case::new("closed::emission", emission),
         Case::new("closed::white_sky_behind_a_black_medium", behind),
+        Case::new("closed::background", |s| background(s, true, true)),
+        Case::new("closed::background_without_colors", |s| background(s, false, true)),
+        Case::new("closed::background_without_depth", |s| background(s, true, false)),
     ];
     for (name, phase) in phases() {
         let optics = chromatic(phase.clone());
@@ -136,6 +139,47 @@ fn behind(subject: &Subject) -> Result<(), Failed> {
         .flat_map(|(_, _, way)| [0, 1, 2].map(|c| [0.5, 1.0, 2.0][c] * transmittance(extinction(&scene, c) * way)));
     let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
     compare(found, expected).within("background", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
+}
+
+/// A picture made elsewhere, whose surfaces stand before, within and behind a black medium, or nowhere; and an
+/// environment, which is seen only where there is neither colour nor surface.
+fn background(subject: &Subject, colored: bool, deep: bool) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.optics.albedo = Vec3::ZERO;
+    scene.environment = Some(Environment::uniform(Vec3::new(0.5, 1.0, 2.0))?);
+    let ways = ways(&scene, DMat3::IDENTITY);
+    let walls = |i: usize| BOX.clip(ways[i].0, ways[i].1);
+    let depth: Vec<f32> = (0..ways.len())
+        .map(|i| {
+            let (near, far) = walls(i).unwrap_or((1.0, 2.0));
+            [0.5 * near, near + 0.3 * (far - near), far + 0.1, f64::INFINITY, f64::from(f32::MAX)][i % 5] as f32
+        })
+        .collect();
+    let color: Vec<[f32; 3]> = noise(91, 3 * ways.len()).chunks_exact(3).map(|c| [c[0], 1.0 + c[1], c[2]]).collect();
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let given = (colored.then(|| color.clone()), deep.then(|| depth.clone()));
+    scene.background = Some(Background::new(width, height, given.0, given.1)?);
+    let film = subject.renderer()?.render(&scene)?.film;
+    let expected: Vec<[f64; 6]> = (0..ways.len())
+        .map(|i| {
+            let limit = if deep { f64::from(depth[i]) } else { f64::INFINITY };
+            let way = walls(i).map_or(0.0, |(near, far)| (far.min(limit) - near).max(0.0));
+            let through = [0, 1, 2].map(|c| transmittance(extinction(&scene, c) * way));
+            let seen = [0, 1, 2].map(|c| match (colored, i % 5) {
+                (true, _) => f64::from(color[i][c]),
+                (false, 0..=2) => 0.0,
+                (false, _) => [0.5, 1.0, 2.0][c],
+            });
+            let [r, g, b] = [0, 1, 2].map(|c| seen[c] * through[c]);
+            [r, g, b, through[0], through[1], through[2]]
+        })
+        .collect();
+    let found = film.beauty.iter().zip(&film.transmittance).flat_map(|(b, t)| [b[0], b[1], b[2], t[0], t[1], t[2]]);
+    let l2 = tolerance::CLOSED_L2;
+    compare(found.map(f64::from), expected.iter().flatten().copied()).within("background", l2, l2)?;
+    let within = (0..ways.len()).filter(|i| i % 5 == 1 && walls(*i).is_some()).count();
+    check!(within > 20, "only {within} surfaces stand within the medium");
+    Ok(())
 }
 
 fn directional(subject: &Subject, optics: &Optics) -> Result<(), Failed> {
