@@ -4,10 +4,10 @@ use airlight_core::device::{DeviceInfo, DeviceKind, Limits, Unavailable};
 use airlight_core::host;
 use wgpu::{Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags};
 
-use crate::WgpuDevice;
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
 use crate::vulkan::{self, Stated};
+use crate::{WgpuDevice, loader};
 
 /// The most texels of a side that the index of a slab's slice is meant for; real limits are far below.
 const SIDE: u32 = 1 << 15;
@@ -27,9 +27,7 @@ pub(crate) fn adapters() -> Result<Vec<Adapter>, Unavailable> {
     });
     let found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
     if found.is_empty() {
-        let reason = "no Vulkan driver answers; install one for the graphics card, or mesa-vulkan-drivers for a \
-                      software one, and the loader libvulkan.so.1";
-        return Err(Unavailable(reason.into()));
+        return Err(loader::reason());
     }
     Ok(found)
 }

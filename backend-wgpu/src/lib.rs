@@ -11,6 +11,7 @@ mod device;
 pub mod engine;
 mod gpu;
 mod launch;
+mod loader;
 mod memory;
 mod pipeline;
 mod source;

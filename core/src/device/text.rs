@@ -6,7 +6,7 @@
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
 use crate::stage::{
-    LightRecord, March, MarchParams, PhaseParams, ProjectParams, Reduce, ReduceParams, RelightParams, Stage,
+    LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, Reduce, ReduceParams, RelightParams, Stage,
     shadow_kind,
 };
 
@@ -152,6 +152,8 @@ impl Recipe {
             ("SHADOW_MARCH", shadow_kind::MARCH),
             ("BLOCK", March::BLOCK),
             ("ALL_STEPS", March::ALL_STEPS),
+            ("ALL_ROWS", Reduce::ALL_ROWS),
+            ("LANES", Project::LANES),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);
