@@ -2,6 +2,7 @@
 //! names `wgpu`.
 
 mod engine;
+mod filter;
 mod frames;
 mod limits;
 mod scenes;

@@ -159,7 +159,7 @@ impl Executor {
     ) -> Result<(R, Report), E> {
         let Self { device, slots, held, pace, budget, frame, unproven } = self;
         *frame += 1;
-        let mut plan = Plan::new(slots, *frame, device.info().limits.loop_turns);
+        let mut plan = Plan::new(slots, *frame, device.info().limits);
         let result = build(&mut plan)?;
         let report = Report::default();
         let mut run = Run { device: device.as_mut(), held, pace, report, pending: Vec::new(), learns: false };
