@@ -45,4 +45,3 @@ use wgpu::{Texture, TextureFormat, TextureView};
 
 pub use crate::gpu::LossNotice;
 pub use crate::gpu::LossNotice;
-pub use crate::{Filter, WgpuDevice};
