@@ -68,10 +68,19 @@ fn subjects(choices: &[String], absent: &mut Vec<Value>) -> Result<Vec<DeviceInf
     if choices.is_empty() {
         for backend in airlight::devices() {
             match backend.devices {
-                Ok(devices) => subjects.extend(devices),
+                Ok(devices) => {
+                    for info in devices {
+                        if let Some(reason) = &info.unusable {
+                            output::remark(&format!("{} cannot be opened: {reason}", info.id()));
+                            absent.push(json!({ "backend": backend.name, "device": info.id(), "reason": reason }));
+                        } else {
+                            subjects.push(info);
+                        }
+                    }
+                }
                 Err(reason) => {
                     output::remark(&format!("{} has no device: {reason}", backend.name));
-                    absent.push(json!({ "backend": backend.name, "reason": reason.to_string() }));
+                    absent.push(json!({ "backend": backend.name, "device": null, "reason": reason.to_string() }));
                 }
             }
         }

@@ -82,7 +82,7 @@ pub fn choose_among(providers: &[Provider], choice: &str) -> Result<Chosen, NoDe
     }
     let all = || listed.iter().flat_map(|(p, found)| found.iter().flatten().map(move |info| (*p, info)));
     let mut candidates: Vec<_> = if wanted == "auto" {
-        all().filter(|(_, info)| automatic(info.kind)).collect()
+        all().filter(|(_, info)| unasked(info.kind)).collect()
     } else if named && !wanted.contains(':') {
         all().collect()
     } else {
@@ -90,16 +90,18 @@ pub fn choose_among(providers: &[Provider], choice: &str) -> Result<Chosen, NoDe
         let by_name = || all().find(|(_, info)| !wanted.is_empty() && info.name.to_lowercase().contains(&wanted));
         by_id.or_else(by_name).into_iter().collect()
     };
-    // Among equals the order of the backends and of their devices stays.
-    candidates.sort_by_key(|(_, info)| (info.unusable.is_some(), rank(info.kind)));
-    if wanted != "auto" {
+    // Among equals the order of the backends and of their devices stays. What is known to be unusable comes last, except
+    // for `auto`, which tells of it.
+    let automatic = wanted == "auto";
+    candidates.sort_by_key(|(_, info)| (!automatic && info.unusable.is_some(), rank(info.kind)));
+    if !automatic {
         candidates.truncate(1);
     }
     let mut passed_over = Vec::new();
     for (provider, info) in candidates {
         match (provider.open)(info.index) {
             Ok(device) => return Ok(Chosen { device, passed_over }),
-            Err(reason) if wanted == "auto" => passed_over.push(format!("{} is passed over: {reason}", info.id())),
+            Err(reason) if automatic => passed_over.push(format!("{} is passed over: {reason}", info.id())),
             Err(reason) => return Err(fail(reason.to_string())),
         }
     }
@@ -111,7 +113,7 @@ pub fn choose_among(providers: &[Provider], choice: &str) -> Result<Chosen, NoDe
 }
 
 /// Whether a device is taken without being named.
-fn automatic(kind: DeviceKind) -> bool {
+fn unasked(kind: DeviceKind) -> bool {
     match kind {
         DeviceKind::DiscreteGpu | DeviceKind::IntegratedGpu | DeviceKind::Cpu => true,
         DeviceKind::SoftwareGpu | DeviceKind::Other => false,
