@@ -6,8 +6,8 @@
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
 use crate::stage::{
-    LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, ProjectParams, PropagateParams, Reduce,
-    ReduceParams, RelightParams, Stage, propagate::scheme, shadow_kind,
+    LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, PropagateParams,
+    Reduce, ReduceParams, RelightParams, Stage, propagate::scheme, shadow_kind,
 };
 
 /// A language of kernels.
@@ -165,6 +165,8 @@ impl Recipe {
             ("NO_FACE", LightFace::NONE),
             ("BLOCK", March::BLOCK),
             ("ALL_STEPS", March::ALL_STEPS),
+            ("ALL_ROWS", Reduce::ALL_ROWS),
+            ("LANES", Project::LANES),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);

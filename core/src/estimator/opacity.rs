@@ -62,11 +62,11 @@ pub(super) fn propagate<'a>(
     let reduced = (!mean).then(|| {
         let out = plan.work("light means", count);
         plan.stage(Stage::Reduce(Reduce {
-            params: ReduceParams {
-                dims: medium.grid.dims,
-                coarse: [cells[0], cells[1], cells[2], 0],
-                cell: [side(0), side(1), side(2), 0.0],
-            },
+            params: ReduceParams::new(
+                medium.grid.dims,
+                [cells[0], cells[1], cells[2], 0],
+                [side(0), side(1), side(2), 0.0],
+            ),
             density: medium.density,
             other: None,
             out,

@@ -179,7 +179,6 @@ mod tests {
     use super::*;
     use crate::device::{Buf, Field, FieldFormat, FieldSpec};
     use crate::device::{KernelLanguage, KernelStruct, ResourceId};
-    use bytemuck::Zeroable;
 
     #[test]
     fn shared_structs_have_the_same_text_in_both_languages() {
@@ -195,8 +194,7 @@ mod tests {
     fn a_resource_may_not_be_read_and_written() {
         let spec = FieldSpec { dims: [1; 3], layers: 1, format: FieldFormat::Scalar };
         let density = Field { id: ResourceId(1), spec };
-        let mut params = ReduceParams::zeroed();
-        (params.dims, params.coarse, params.cell) = ([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
+        let params = ReduceParams::new([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
         let stage = |out| Stage::Reduce(Reduce { params, density, other: None, out: Buf::new(ResourceId(out), 1) });
         assert!(stage(2).validate().is_ok());
         assert!(stage(1).validate().is_err());
