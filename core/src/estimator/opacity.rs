@@ -59,7 +59,7 @@ pub(super) fn propagate<'a>(
     let side = |a: usize| medium.grid.dims[a] as f32 / cells[a] as f32;
     let number = options.scheme.number();
     let mean = options.scheme == Scheme::ShortCharacteristics;
-    let reduced = (!mean).then(|| {
+    let occupancy = (!mean).then(|| {
         let out = plan.work("light means", count);
         plan.stage(Stage::Reduce(Reduce {
             params: ReduceParams::new(
@@ -93,7 +93,7 @@ pub(super) fn propagate<'a>(
     let values = count.saturating_mul((layers * PropagateParams::LANES).into());
     let out = plan.work("light depths", values);
     let lights = plan.table("light places", places);
-    plan.stage(Stage::Propagate(Propagate { params, density: medium.density, reduced, lights, faces, out }));
+    plan.stage(Stage::Propagate(Propagate { params, density: medium.density, occupancy, lights, faces, out }));
     let spec = FieldSpec { dims: cells, layers, format: FieldFormat::Rgba };
     LightDepth { field: plan.publish("light depth", out, spec), mean }
 }

@@ -13,7 +13,7 @@ pub struct PropagateInputs<'a> {
     /// Density, x fastest.
     pub density: &'a [f32],
     /// Mean and maximum of each cell; empty where the scheme does not gather.
-    pub reduced: &'a [[f32; 2]],
+    pub occupancy: &'a [[f32; 2]],
     /// Where the lights are.
     pub lights: &'a [LightPlace],
 }
@@ -85,7 +85,7 @@ impl Way<'_> {
 
     /// The schemes that gather.
     fn column(&mut self, at: [i64; 3], u: DVec3) -> f64 {
-        let local = f64::from(self.inputs.reduced[self.index(at)][0]);
+        let local = f64::from(self.inputs.occupancy[self.index(at)][0]);
         let edges = [DVec3::X, DVec3::Y, DVec3::Z].map(|e| self.metres(e));
         let hops = u.abs().element_sum();
         let published = self.params.scheme == scheme::PUBLISHED;
@@ -230,7 +230,7 @@ mod tests {
             let places: Vec<_> = lights().iter().map(|l| LightPlace::new(l, &lattice, cells, 0)).collect();
             let params = params(&lattice, cells, 5, scheme::SHORT_CHARACTERISTICS);
             let density = vec![1.5; DIMS.element_product() as usize];
-            let found = propagate(&params, &PropagateInputs { density: &density, reduced: &[], lights: &places });
+            let found = propagate(&params, &PropagateInputs { density: &density, occupancy: &[], lights: &places });
             for value in found.chunks_exact(8).flat_map(|cell| &cell[..5]) {
                 // Sums of products with weights that add up to 1.
                 assert!((value - 1.5).abs() < 1e-12, "{value}");
@@ -249,7 +249,7 @@ mod tests {
         for number in [scheme::METRIC, scheme::PUBLISHED] {
             let places = light.map(|l| LightPlace::new(&l, &lattice, cells, number));
             let params = params(&lattice, cells, 1, number);
-            let inputs = PropagateInputs { density: &[], reduced: &reduced, lights: &places };
+            let inputs = PropagateInputs { density: &[], occupancy: &reduced, lights: &places };
             let found = propagate(&params, &inputs);
             for cell in 0..60 {
                 let (x, y, z) = (cell % 5, cell / 5 % 3, cell / 15);
@@ -288,7 +288,8 @@ mod tests {
             let places = [LightPlace::new(&light, &lattice, dims.to_array(), number)];
             let mut params = params(&lattice, dims.to_array(), 1, number);
             params.cell[3] = 1.0 / 30.0;
-            let found = propagate(&params, &PropagateInputs { density: &density, reduced: &reduced, lights: &places });
+            let found =
+                propagate(&params, &PropagateInputs { density: &density, occupancy: &reduced, lights: &places });
             let (mut off, mut all, mut sum) = (0.0, 0.0, 0.0);
             for (n, value) in (0..).zip(found.chunks_exact(4)) {
                 let at = UVec3::new(n % dims.x, n / dims.x % dims.y, n / dims.x / dims.y);

@@ -36,7 +36,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
         Stage::Propagate(Propagate {
             params: Zeroable::zeroed(),
             density: scalar(0),
-            reduced: full.then(|| buf(1)),
+            occupancy: full.then(|| buf(1)),
             lights: buf(2),
             faces: full.then(|| buf(3)),
             out: buf(4),

@@ -111,7 +111,7 @@ pub struct Propagate {
     /// Density ρ.
     pub density: Field,
     /// Mean and maximum of each cell, from `reduce`; read by the schemes that gather.
-    pub reduced: Option<Buf<[f32; 2]>>,
+    pub occupancy: Option<Buf<[f32; 2]>>,
     /// Where the lights are.
     pub lights: Buf<LightPlace>,
     /// [`faces`]; read by short characteristics.
@@ -309,7 +309,7 @@ impl Kernel for Propagate {
     fn bindings(&self) -> Vec<Binding> {
         vec![
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
-            Binding::read("reduced", self.reduced),
+            Binding::read("occupancy", self.occupancy),
             Binding::read("lights", Some(self.lights)),
             Binding::read("faces", self.faces),
             Binding::write("light_depth", Some(self.out)),
@@ -351,7 +351,7 @@ impl Kernel for Propagate {
             let needed = u64::from(p.steps) * u64::from(p.lights);
             require!(self.faces.is_some_and(|b| b.len >= needed), "fewer than {needed} faces");
         } else {
-            require!(self.reduced.is_some_and(|b| b.len >= count), "means of fewer than {count} cells");
+            require!(self.occupancy.is_some_and(|b| b.len >= count), "means of fewer than {count} cells");
         }
         Ok(())
     }
