@@ -164,7 +164,8 @@ impl Rig {
     fn reduce(&mut self) -> Result<(Stage, u64), DeviceError> {
         let coarse = DIMS.to_array().map(|d| d.div_ceil(8));
         let out = self.make(cells(coarse), Usage::Work)?;
-        let params = ReduceParams::new(DIMS.extend(0).to_array(), [coarse[0], coarse[1], coarse[2], 0], [8.0, 8.0, 8.0, 0.0]);
+        let params =
+            ReduceParams::new(DIMS.extend(0).to_array(), [coarse[0], coarse[1], coarse[2], 0], [8.0, 8.0, 8.0, 0.0]);
         Ok((Stage::Reduce(Reduce { params, density: self.density, other: None, out }), lattice().voxels()))
     }
 

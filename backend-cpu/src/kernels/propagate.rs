@@ -208,15 +208,14 @@ fn interpolated(
 #[inline(always)]
 fn nodes(x: i32, cells: i32, u: f32, longest: f32, far: bool) -> [f32; 4] {
     let hop = if u < 0.0 { -1 } else { 1 };
-    let within = |k: i32| x + k * hop >= 0 && x + k * hop < cells;
-    if !within(1) {
+    if !within(x + hop, cells) {
         return [0.0, 1.0, 0.0, 0.0];
     }
     let way = u.abs();
     let f = if way >= longest { 1.0 } else { way / longest };
     let g = 1.0 - f;
-    let before = within(-1) && (far || way + 1.0 < longest);
-    let after = within(2) && (far || (way - 2.0).abs() < longest);
+    let before = within(x - hop, cells) && (far || way + 1.0 < longest);
+    let after = within(x + 2 * hop, cells) && (far || (way - 2.0).abs() < longest);
     match (before, after) {
         (true, true) => [
             -f * g * (1.0 + g) / 6.0,
@@ -258,10 +257,16 @@ fn gathered(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, at: [i32; 3])
     (local * length + sum) / hops
 }
 
+/// Whether cell `x` is one of `cells` along an axis.
+#[inline(always)]
+fn within(x: i32, cells: i32) -> bool {
+    x >= 0 && x < cells
+}
+
 /// Whether a cell lies in the grid.
 #[inline(always)]
 fn inside(p: &PropagateParams, at: [i32; 3]) -> bool {
-    (0..3).all(|a| at[a] >= 0 && at[a] < p.cells[a] as i32)
+    (0..3).all(|a| within(at[a], p.cells[a] as i32))
 }
 
 /// Where a cell's value for a light lies in the output.
