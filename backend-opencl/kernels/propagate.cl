@@ -8,7 +8,7 @@ float4 nodes(int x, int cells, float u, float longest, bool far);
 float gathered(const Bound *bound, uint light, int3 at);
 bool within(int x, int cells);
 bool inside(const Bound *bound, int3 at);
-size_t index(const Bound *bound, int3 at, uint light);
+uint index(const Bound *bound, int3 at, uint light);
 float metres(const Bound *bound, float3 u);
 
 void run_propagate(const Bound *bound) {
@@ -37,7 +37,7 @@ void run_propagate(const Bound *bound) {
         }
         value = gathered(bound, light, at);
     }
-    size_t place = index(bound, at, light);
+    uint place = index(bound, at, light);
     bound->light_depth[place] = value;
     if (light + 1u == lights) {
         // The last light's items also write what lies beyond it in its layer.
@@ -206,9 +206,9 @@ bool inside(const Bound *bound, int3 at) {
 }
 
 // Where a cell's value for a light lies in the output.
-size_t index(const Bound *bound, int3 at, uint light) {
-    size_t row = (size_t)at.z * bound->params->cells.y + (size_t)at.y;
-    return (row * bound->params->cells.x + (size_t)at.x) * 4u * bound->params->cells.w + light;
+uint index(const Bound *bound, int3 at, uint light) {
+    uint4 cells = bound->params->cells;
+    return (((uint)at.z * cells.y + (uint)at.y) * cells.x + (uint)at.x) * 4u * cells.w + light;
 }
 
 // Metres of a way in cell units.
