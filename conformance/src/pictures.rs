@@ -310,7 +310,17 @@ fn lit() -> Vec<Picture> {
             s.optics.phase = Phase::HenyeyGreenstein { g: 0.7 };
         }),
         Picture { without_lamp: true, ..opacity("opacity_point", "point_single.exr", 64, lamp, |_| ()) },
-        opacity("opacity_spot", "spot_single.exr", 64, spot, |_| ()),
+        Picture {
+            tolerance: &tolerance::PICTURE_OPACITY,
+            ..shadowed(
+                "propagated_spot",
+                "spot_single.exr",
+                "direct, shadow propagated (64 cells), step ½ voxel".into(),
+                LightsEstimate::Direct(Direct { shadow: Shadow::Propagated }),
+                spot,
+                |_| (),
+            )
+        },
     ]
 }
 
