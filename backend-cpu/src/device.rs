@@ -191,6 +191,7 @@ impl Device for CpuDevice {
         let done = match stage {
             Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory),
             Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
+            Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
             Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory),
             Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
         };

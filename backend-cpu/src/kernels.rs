@@ -8,6 +8,7 @@ pub(crate) mod march;
 pub(crate) mod maximum;
 pub(crate) mod phase;
 pub(crate) mod project;
+pub(crate) mod propagate;
 pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;

@@ -55,11 +55,19 @@ impl OpenclDevice {
                 place.insert(self.cl.build(source.name, &text, self.options)?)
             }
         };
-        let launch = Launch { start: range.start, count: range.len() as u32, ..Launch::zeroed() };
-        let constants = [stage.params(), bytemuck::bytes_of(&launch)].concat();
-        let items = range.len() as u64 * u64::from(source.items);
-        let event = self.cl.run(kernel, &constants, &args, items)?;
-        self.clock.book(stage.name(), range, Some(event));
+        // Units of a sequential stage are dispatches of their own: the queue is in order.
+        let (units, count) = match stage.sequential() {
+            Some(items) => (range.clone(), items),
+            None => (range.start..range.start + 1, range.len() as u32),
+        };
+        let mut events = Vec::new();
+        for start in units {
+            let launch = Launch { start, count, ..Launch::zeroed() };
+            let constants = [stage.params(), bytemuck::bytes_of(&launch)].concat();
+            let items = u64::from(count) * u64::from(source.items);
+            events.push(self.cl.run(kernel, &constants, &args, items)?);
+        }
+        self.clock.book(stage.name(), range, events);
         Ok(())
     }
 }
@@ -123,7 +131,7 @@ impl Device for OpenclDevice {
             return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
         }
         if range.is_empty() {
-            self.clock.book(stage.name(), range, None);
+            self.clock.book(stage.name(), range, Vec::new());
             return Ok(());
         }
         self.run_stage(stage, range)

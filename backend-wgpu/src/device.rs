@@ -111,7 +111,8 @@ impl WgpuDevice {
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
         let units = source::of(stage).units;
-        let launches = Launches { params: stage.params(), units, shots, limits: &self.limits };
+        let (params, sequential) = (stage.params(), stage.sequential());
+        let launches = Launches { params, units, sequential, shots, limits: &self.limits };
         let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
         let run = launches.run(&self.gpu, &pipeline, stamps);
         if run.is_err() {
@@ -205,7 +206,8 @@ impl Device for WgpuDevice {
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
-            Launches { params, units, shots, limits: &self.limits }.run(&self.gpu, &pipeline, None)?;
+            Launches { params, units, sequential: None, shots, limits: &self.limits }
+                .run(&self.gpu, &pipeline, None)?;
         }
         Ok(())
     }

@@ -23,6 +23,7 @@
 mod bench;
 mod case;
 mod closed;
+pub mod columns;
 mod compare;
 mod contract;
 mod estimators;
@@ -123,8 +124,15 @@ pub fn listed(variable: &str) -> Vec<String> {
 
 /// Every case, in the order of the groups above.
 pub fn cases() -> Vec<Case> {
-    let groups =
-        [contract::cases(), stages::cases(), closed::cases(), estimators::cases(), keys::cases(), pictures::cases()];
+    let groups = [
+        contract::cases(),
+        stages::cases(),
+        closed::cases(),
+        columns::cases(),
+        estimators::cases(),
+        keys::cases(),
+        pictures::cases(),
+    ];
     groups.into_iter().flatten().collect()
 }
 

@@ -162,6 +162,7 @@ pub(super) fn layered_march(device: &mut dyn Device, in_scatter: Field) -> March
         density,
         emission: None,
         in_scatter: Some(in_scatter),
+        light_depth: None,
         occupancy: None,
         lights: None,
         tables: super::filled(device, 11, &tables),

@@ -6,8 +6,8 @@
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
 use crate::stage::{
-    LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, Reduce, ReduceParams, RelightParams, Stage,
-    shadow_kind,
+    LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, PropagateParams,
+    Reduce, ReduceParams, RelightParams, Stage, propagate::scheme, shadow_kind,
 };
 
 /// A language of kernels.
@@ -120,6 +120,13 @@ const PROJECT: Recipe = Recipe {
     helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Segment],
 };
 
+const PROPAGATE: Recipe = Recipe {
+    params: PropagateParams::NAME,
+    structs: &[PropagateParams::text, LightPlace::text, LightFace::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample],
+};
+
 const RELIGHT: Recipe =
     Recipe { params: RelightParams::NAME, structs: &[RelightParams::text], per_field: &[], helpers: &[] };
 
@@ -136,6 +143,7 @@ impl Recipe {
         match stage {
             Stage::Reduce(_) => REDUCE,
             Stage::Project(_) => PROJECT,
+            Stage::Propagate(_) => PROPAGATE,
             Stage::Relight(_) => RELIGHT,
             Stage::March(_) => MARCH,
         }
@@ -150,6 +158,11 @@ impl Recipe {
             ("PHASE_RAYLEIGH", PhaseParams::RAYLEIGH),
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
+            ("SHADOW_COLUMN", shadow_kind::COLUMN),
+            ("SHADOW_MEAN", shadow_kind::MEAN),
+            ("SCHEME_SHORT_CHARACTERISTICS", scheme::SHORT_CHARACTERISTICS),
+            ("SCHEME_PUBLISHED", scheme::PUBLISHED),
+            ("NO_FACE", LightFace::NONE),
             ("BLOCK", March::BLOCK),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
@@ -286,11 +299,12 @@ mod tests {
         for (language, scalar, color) in
             [(KernelLanguage::Wgsl, "f32", "vec4<f32>"), (KernelLanguage::Opencl, "float", "float4")]
         {
-            let text = text(language, &examples(true)[3]);
+            let text = text(language, &examples(true)[4]);
             for line in [
                 format!("{scalar} of_density;"),
                 format!("{scalar} of_emission_density;"),
                 format!("{color} of_in_scatter;"),
+                format!("{color} of_light_depth;"),
             ] {
                 assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
             }

@@ -10,11 +10,13 @@ pub mod closed;
 mod lookup;
 mod march;
 mod project;
+mod propagate;
 mod reduce;
 mod relight;
 
 pub use brute::{BruteForce, BruteSettings};
 pub use march::{MarchInputs, march};
 pub use project::{ProjectInputs, project};
+pub use propagate::{PropagateInputs, propagate};
 pub use reduce::{ReduceInputs, reduce};
 pub use relight::{RelightInputs, relight};
