@@ -14,6 +14,7 @@ pub mod exec;
 pub mod light;
 pub mod media;
 pub mod metric;
+pub mod random;
 pub mod reference;
 pub mod scene;
 pub mod stage;
