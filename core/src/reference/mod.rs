@@ -7,6 +7,7 @@
 
 pub mod brute;
 pub mod closed;
+mod inject;
 mod lookup;
 mod march;
 mod project;
@@ -14,6 +15,7 @@ mod reduce;
 mod relight;
 
 pub use brute::{BruteForce, BruteSettings};
+pub use inject::{InjectInputs, inject};
 pub use march::{MarchInputs, march};
 pub use project::{ProjectInputs, project};
 pub use reduce::{ReduceInputs, reduce};

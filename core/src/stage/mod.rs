@@ -5,12 +5,14 @@
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
 mod grid;
+mod inject;
 mod march;
 mod project;
 mod reduce;
 mod relight;
 
 pub use grid::{GridParams, PhaseParams};
+pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
 pub use reduce::{Reduce, ReduceParams};
@@ -58,6 +60,8 @@ pub trait Kernel {
 /// compile until every device has it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stage {
+    /// Density of a medium that is described instead of sampled.
+    Inject(Inject),
     /// Coarse mean and maximum of a field.
     Reduce(Reduce),
     /// Moments of transmittance or radiance at the cells of a record grid.
@@ -71,6 +75,7 @@ pub enum Stage {
 macro_rules! each {
     ($self:ident, $stage:ident => $value:expr) => {
         match $self {
+            Stage::Inject($stage) => $value,
             Stage::Reduce($stage) => $value,
             Stage::Project($stage) => $value,
             Stage::Relight($stage) => $value,
@@ -85,7 +90,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 4] = [Reduce::NAME, Project::NAME, Relight::NAME, March::NAME];
+    pub const NAMES: [&'static str; 5] = [Inject::NAME, Reduce::NAME, Project::NAME, Relight::NAME, March::NAME];
 
     /// Name of the stage and of its kernel files.
     pub fn name(&self) -> &'static str {
@@ -120,6 +125,7 @@ impl Stage {
     /// What turns more often and cannot be cut.
     pub fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
         Ok(match self {
+            Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),
             Self::Reduce(stage) => stage.passes(turns)?.into_iter().map(Self::Reduce).collect(),
             Self::Project(stage) => stage.passes(turns)?.into_iter().map(Self::Project).collect(),
             Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
@@ -170,6 +176,8 @@ mod tests {
             RelightParams::wgsl()
         );
         for (wgsl, opencl) in [
+            (InjectParams::wgsl(), InjectParams::opencl()),
+            (BlobRecord::wgsl(), BlobRecord::opencl()),
             (ReduceParams::wgsl(), ReduceParams::opencl()),
             (ProjectParams::wgsl(), ProjectParams::opencl()),
             (MarchParams::wgsl(), MarchParams::opencl()),
