@@ -52,7 +52,7 @@ impl Bins {
             }
             shift += 1;
         }
-        let dims = bricks.map(|n| (n - 1 >> shift) + 1);
+        let dims = bricks.map(|n| ((n - 1) >> shift) + 1);
         let orthogonal = lattice.is_orthogonal().then(|| lattice.edges());
         let rows = |visit: &mut dyn FnMut(usize, usize, usize)| {
             for (number, reach) in reaches.iter().enumerate() {
@@ -103,7 +103,7 @@ impl Reach {
     /// The first and the last bin of the samples in its box.
     fn bins(&self, dims: UVec3, shift: u32) -> Option<[UVec3; 2]> {
         let [low, high] = self.samples(dims)?;
-        let bin = |v: UVec3| v.map(|n| n / Bins::BRICK >> shift);
+        let bin = |v: UVec3| v.map(|n| (n / Bins::BRICK) >> shift);
         Some([bin(low), bin(high)])
     }
 
@@ -145,7 +145,7 @@ impl Reach {
                         let left = self.radius * self.radius - dy * dy - dz * dz;
                         let half = if left < 0.0 { -1.0 } else { left.sqrt() / edge.x };
                         span(self.center.x, half, dims.x)
-                            .map(|(first, last)| (first / Bins::BRICK >> shift, last / Bins::BRICK >> shift))
+                            .map(|(first, last)| ((first / Bins::BRICK) >> shift, (last / Bins::BRICK) >> shift))
                     }
                 };
                 if let Some((first, last)) = xs {
@@ -158,7 +158,7 @@ impl Reach {
 
 /// The samples 0 to n - 1 that lie within `half` of `center`: the first and the last.
 fn span(center: f64, half: f64, n: u32) -> Option<(u32, u32)> {
-    if !(half >= 0.0) {
+    if half.is_nan() || half < 0.0 {
         return None;
     }
     let first = (center - half).ceil().max(0.0);

@@ -206,7 +206,7 @@ mod tests {
                     // Half a unit in the last place of f32 beside what is cut off.
                     let host = (f64::from(found) - whole).abs();
                     prop_assert!(host <= Gaussians::HOST_CUT * medium.largest() + 6e-8 * whole, "{host:e}");
-                    let bin = index.map(|i| i / Bins::BRICK >> bins.shift);
+                    let bin = index.map(|i| (i / Bins::BRICK) >> bins.shift);
                     let bin = ((bin.z * bins.dims.y + bin.y) * bins.dims.x + bin.x) as usize;
                     let list = &bins.list[bins.starts[bin] as usize..bins.starts[bin + 1] as usize];
                     let listed: f64 = list.iter().map(|&i| medium.blobs()[i as usize].at(p)).sum();

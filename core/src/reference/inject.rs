@@ -54,7 +54,7 @@ fn place(params: &InjectParams, index: UVec3) -> DVec3 {
 
 /// The sum over the list of the sample's bin.
 fn gaussians(params: &InjectParams, inputs: &InjectInputs<'_>, index: UVec3, p: DVec3) -> f64 {
-    let bin = index.map(|n| n / Inject::BRICK >> params.bricks[3]);
+    let bin = index.map(|n| (n / Inject::BRICK) >> params.bricks[3]);
     let bin = ((bin.z * params.bins[1] + bin.y) * params.bins[0] + bin.x) as usize;
     let list = &inputs.list[inputs.starts[bin] as usize..inputs.starts[bin + 1] as usize];
     list.iter()

@@ -211,7 +211,7 @@ impl Kernel for Inject {
             inject_kind::GAUSSIANS => {
                 let shift = p.bricks[3];
                 require!(shift < 32, "bins of 2^{shift} bricks");
-                let bins = bricks.map(|n| (n - 1 >> shift) + 1);
+                let bins = bricks.map(|n| ((n - 1) >> shift) + 1);
                 require!(p.bins[..3] == bins, "{:?} bins over {bricks:?} bricks", p.bins);
                 let lists: u64 = bins.iter().map(|&n| u64::from(n)).product();
                 let starts = self.starts.map_or(0, |b| b.len);
