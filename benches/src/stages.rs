@@ -148,11 +148,7 @@ impl Rig {
     pub fn reduce(&mut self) -> Result<(Stage, u64), DeviceError> {
         let coarse = DIMS.to_array().map(|d| d.div_ceil(8));
         let out = self.make(cells(coarse), Usage::Work)?;
-        let params = ReduceParams {
-            dims: DIMS.extend(0).to_array(),
-            coarse: [coarse[0], coarse[1], coarse[2], 0],
-            cell: [8.0, 8.0, 8.0, 0.0],
-        };
+        let params = ReduceParams::new(DIMS.extend(0).to_array(), [coarse[0], coarse[1], coarse[2], 0], [8.0, 8.0, 8.0, 0.0]);
         Ok((Stage::Reduce(Reduce { params, density: self.density, other: None, out }), lattice().voxels()))
     }
 
@@ -170,7 +166,7 @@ impl Rig {
         let side = |a: usize| grid.dims[a] as f32 / CELLS[a] as f32;
         params.cell = [side(0), side(1), side(2), lattice().shortest_edge() as f32];
         params.extinction = [EXTINCTION; 4];
-        (params.directions, params.coefficients) = (12 * NSIDE * NSIDE, BANDS * BANDS);
+        (params.direction_end, params.coefficients) = (12 * NSIDE * NSIDE, BANDS * BANDS);
         (params.channels, params.weight_channels) = (1, 1);
         let harmonics = SphericalHarmonics::new(BANDS).expect("there are as many bands");
         let weights: Vec<f32> = pixel_integrals(NSIDE, &harmonics).iter().map(|&w| w as f32).collect();

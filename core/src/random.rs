@@ -2,15 +2,15 @@
 
 /// Scatters the bits of `x`: multiplications and shifts with the constants of C. Wellons' `lowbias32`. A bijection, and
 /// 0 stays 0.
-pub fn mix(x: u32) -> u32 {
+pub fn scatter(x: u32) -> u32 {
     let x = (x ^ x >> 16).wrapping_mul(0x7feb_352d);
     let x = (x ^ x >> 15).wrapping_mul(0x846c_a68b);
     x ^ x >> 16
 }
 
-/// The hash of a sequence of keys: h = mix(key + h) from the last key to the first, from h = 0.
+/// The hash of a sequence of keys: h = scatter(key + h) from the last key to the first, from h = 0.
 pub fn hash<const N: usize>(keys: [u32; N]) -> u32 {
-    keys.iter().rev().fold(0, |h, &key| mix(key.wrapping_add(h)))
+    keys.iter().rev().fold(0, |h, &key| scatter(key.wrapping_add(h)))
 }
 
 /// The upper 24 bits of `h` as a number in [0, 1), which f32 holds exactly.
@@ -25,7 +25,7 @@ mod tests {
     #[test]
     fn values_that_kernels_must_give() {
         // Worked out apart from this code, in Python's unbounded integers.
-        assert_eq!([mix(0), mix(1), mix(0xffff_ffff)], [0, 0x6889_90c0, 0x6768_824a]);
+        assert_eq!([scatter(0), scatter(1), scatter(0xffff_ffff)], [0, 0x6889_90c0, 0x6768_824a]);
         assert_eq!(hash([1, 2, 3]), 0xacfd_7e59);
         assert_eq!(unit(u32::MAX), 1.0 - 1.0 / 16_777_216.0);
     }

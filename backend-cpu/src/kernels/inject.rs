@@ -7,7 +7,7 @@ use airlight_core::media::LARGEST;
 use airlight_core::stage::{BlobRecord, Inject, InjectParams, inject_kind};
 use rayon::prelude::*;
 
-use super::noise::Noise;
+use super::noise::noise_factor;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
@@ -57,7 +57,7 @@ pub(crate) fn run(stage: &Inject, range: Range<u32>, memory: &mut Memory<'_>, is
     let mut rows = rows(p, range, out);
     rows.par_iter_mut().for_each(|row| {
         let inputs = &inputs;
-        compiled_for!(isa, fill(inputs: &Inputs<'_>, row: &mut Row<'_>));
+        compiled_for!(isa, inject(inputs: &Inputs<'_>, row: &mut Row<'_>));
     });
     Ok(())
 }
@@ -87,7 +87,7 @@ fn rows<'a>(p: &InjectParams, range: Range<u32>, out: &'a mut [f32]) -> Vec<Row<
 }
 
 #[inline(always)]
-fn fill(inputs: &Inputs<'_>, row: &mut Row<'_>) {
+fn inject(inputs: &Inputs<'_>, row: &mut Row<'_>) {
     let p = inputs.p;
     let nx = p.dims[0] as usize;
     for x in row.bricks.clone() {
@@ -106,8 +106,17 @@ fn fill(inputs: &Inputs<'_>, row: &mut Row<'_>) {
         }
         match p.dims[3] {
             inject_kind::GAUSSIANS => gaussians(inputs, brick, &mut sums),
-            inject_kind::HEIGHT_FOG => fog(p, brick, &mut sums),
-            _ => noise(inputs, brick, &mut sums),
+            inject_kind::HEIGHT_FOG => {
+                for (n, sum) in sums.iter_mut().enumerate() {
+                    *sum = (-place(p, brick, n)[1].max(F::ZERO)).exp_negative() * p.density;
+                }
+            }
+            kind => {
+                for (n, sum) in sums.iter_mut().enumerate() {
+                    let value = if kind == inject_kind::DETAIL { base(inputs, brick, n) } else { F::splat(p.density) };
+                    *sum = value * noise_factor(place(p, brick, n), p.octaves, p.seed, p.contrast);
+                }
+            }
         }
         for (z, slice) in row.slices.iter_mut().enumerate() {
             for (y, line) in slice.chunks_mut(nx).enumerate() {
@@ -131,21 +140,30 @@ fn indices(brick: [u32; 3], n: usize) -> [F; 3] {
     ]
 }
 
+/// The base at the samples of packet `n`; beyond the lattice, where nothing is kept, that of the last.
+#[inline(always)]
+fn base(inputs: &Inputs<'_>, brick: [u32; 3], n: usize) -> F {
+    let at = indices(brick, n);
+    let last = triple!(a => inputs.p.dims[a] as usize - 1);
+    let (nx, ny) = (last[0] + 1, last[1] + 1);
+    F(lanes!(i => {
+        let [x, y, z] = triple!(a => (at[a].0[i] as usize).min(last[a]));
+        inputs.base[(z * ny + y) * nx + x]
+    }))
+}
+
 /// Places of the samples of packet `n`.
 #[inline(always)]
-fn places(p: &InjectParams, brick: [u32; 3], n: usize) -> [F; 3] {
+fn place(p: &InjectParams, brick: [u32; 3], n: usize) -> [F; 3] {
     let at = indices(brick, n);
     let rows = [p.place_x, p.place_y, p.place_z];
     triple!(a => at[0] * rows[a][0] + at[1] * rows[a][1] + at[2] * rows[a][2] + F::splat(rows[a][3]))
 }
 
-/// Exponents from which on a factor counts as 0: it is below 4.2·10⁻¹³, and products of three stay normal numbers.
-const FAR: f32 = 28.5;
-
-/// e^-q, or 0 from [`FAR`] on.
+/// e^-q, or 0 from [`Inject::FAR`] on.
 #[inline(always)]
 fn bell(q: F) -> F {
-    q.lt(F::splat(FAR)).select((-q.min(F::splat(FAR))).exp_negative(), F::ZERO)
+    q.lt(F::splat(Inject::FAR)).select((-q.min(F::splat(Inject::FAR))).exp_negative(), F::ZERO)
 }
 
 /// Adds the Gaussians of a brick's list.
@@ -157,7 +175,18 @@ fn gaussians(inputs: &Inputs<'_>, brick: [u32; 3], sums: &mut Sums) {
     let (start, end) = (inputs.starts[bin] as usize, inputs.starts[bin + 1] as usize);
     let begin = start.saturating_add(p.list_begin as usize).min(end);
     let list = &inputs.list[begin..start.saturating_add(p.list_end as usize).min(end)];
-    if p.bins[3] > 0 { separate(inputs, brick, list, sums) } else { whole(inputs, brick, list, sums) }
+    if p.bins[3] > 0 {
+        return separate(inputs, brick, list, sums);
+    }
+    for (n, sum) in sums.iter_mut().enumerate() {
+        let at = place(p, brick, n);
+        for &number in list {
+            let [bx, by, bz, a2] = inputs.blobs[number as usize].center;
+            let c = inputs.blobs[number as usize].amplitude[0];
+            let d = [at[0] - F::splat(bx), at[1] - F::splat(by), at[2] - F::splat(bz)];
+            *sum = *sum + bell(dot(d, d) * a2) * c;
+        }
+    }
 }
 
 /// Where the lattice's edges stand at right angles, the exponential of a sum of three squares along them is a product
@@ -169,7 +198,7 @@ fn separate(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums)
     let edges = triple!(a => [rows[0][a], rows[1][a], rows[2][a]]);
     let length =
         triple!(a => (edges[a][0] * edges[a][0] + edges[a][1] * edges[a][1] + edges[a][2] * edges[a][2]).sqrt());
-    let first = places(p, brick, 0);
+    let first = place(p, brick, 0);
     let corner = triple!(a => first[a].0[0]);
     // Metres from the brick's first sample: along x in the lower lanes and along y in the upper, and along z.
     let level = F(lanes!(i => (i % BRICK) as f32 * length[i / BRICK]));
@@ -193,48 +222,5 @@ fn separate(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums)
             }
             n += 1;
         }
-    }
-}
-
-/// Any lattice.
-#[inline(always)]
-fn whole(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums) {
-    for (n, sum) in sums.iter_mut().enumerate() {
-        let at = places(inputs.p, brick, n);
-        for &number in list {
-            let [bx, by, bz, a2] = inputs.blobs[number as usize].center;
-            let c = inputs.blobs[number as usize].amplitude[0];
-            let d = [at[0] - F::splat(bx), at[1] - F::splat(by), at[2] - F::splat(bz)];
-            *sum = *sum + bell(dot(d, d) * a2) * c;
-        }
-    }
-}
-
-#[inline(always)]
-fn fog(p: &InjectParams, brick: [u32; 3], sums: &mut Sums) {
-    for (n, sum) in sums.iter_mut().enumerate() {
-        let height = places(p, brick, n)[1].max(F::ZERO);
-        *sum = (-height).exp_negative() * p.density;
-    }
-}
-
-#[inline(always)]
-fn noise(inputs: &Inputs<'_>, brick: [u32; 3], sums: &mut Sums) {
-    let p = inputs.p;
-    let noise = Noise { octaves: p.octaves, seed: p.seed, contrast: p.contrast };
-    for (n, sum) in sums.iter_mut().enumerate() {
-        let density = if p.dims[3] == inject_kind::DETAIL {
-            // Beyond the lattice nothing is kept: the last sample stands for it.
-            let [x, y, z] = indices(brick, n);
-            let last = triple!(a => p.dims[a] as usize - 1);
-            let (nx, slice) = (p.dims[0] as usize, p.dims[0] as usize * p.dims[1] as usize);
-            F(lanes!(i => {
-                let [x, y, z] = [(x.0[i] as usize).min(last[0]), (y.0[i] as usize).min(last[1]), (z.0[i] as usize).min(last[2])];
-                inputs.base[z * slice + y * nx + x]
-            }))
-        } else {
-            F::splat(p.density)
-        };
-        *sum = density * noise.factor(places(p, brick, n));
     }
 }

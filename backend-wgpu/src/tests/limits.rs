@@ -20,7 +20,7 @@ fn reduce(device: &mut dyn Device) -> Reduce {
         field
     });
     Reduce {
-        params: ReduceParams { dims: [11, 7, 13, 0], coarse: [6, 5, 7, 0], cell: [11.0 / 6.0, 1.4, 13.0 / 7.0, 0.5] },
+        params: ReduceParams::new([11, 7, 13, 0], [6, 5, 7, 0], [11.0 / 6.0, 1.4, 13.0 / 7.0, 0.5]),
         density: fields[0],
         other: Some(fields[1]),
         out: empty(device, 3, 6 * 5 * 7),

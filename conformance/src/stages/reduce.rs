@@ -26,16 +26,16 @@ pub(crate) fn cases() -> Vec<Case> {
         .into_iter()
         .map(|(name, cells, probes, margin, second)| {
             let side = |a: usize| DIMS[a] as f32 / cells[a] as f32;
-            let params = ReduceParams {
-                dims: [DIMS.x, DIMS.y, DIMS.z, 0],
-                coarse: [cells[0], cells[1], cells[2], probes],
-                cell: [side(0), side(1), side(2), margin],
-            };
+            let params = ReduceParams::new(
+                [DIMS.x, DIMS.y, DIMS.z, 0],
+                [cells[0], cells[1], cells[2], probes],
+                [side(0), side(1), side(2), margin],
+            );
             Case::new(format!("stage::reduce::{name}"), move |subject| one(subject, params, second))
         })
         .collect();
     // Cells that reach past the box, as the march's occupancy has them.
-    let params = ReduceParams { dims: [DIMS.x, DIMS.y, DIMS.z, 0], coarse: [4, 3, 5, 0], cell: [2.0, 2.0, 2.0, 0.0] };
+    let params = ReduceParams::new([DIMS.x, DIMS.y, DIMS.z, 0], [4, 3, 5, 0], [2.0, 2.0, 2.0, 0.0]);
     cases.push(Case::new("stage::reduce::blocks_past_the_box", move |subject| one(subject, params, true)));
     cases
 }

@@ -8,7 +8,7 @@ use super::{
     DensitySource, EmissionDensity, GridMedium, LARGEST, Lattice, Medium, MediumError, demand, demand_density,
 };
 use crate::Version;
-use crate::random::{hash, mix};
+use crate::random::{hash, scatter};
 
 /// Fractal gradient noise (K. Perlin 1985, with the fade and the gradients of 2002).
 ///
@@ -70,9 +70,9 @@ impl FractalNoise {
         self.contrast
     }
 
-    /// Seed of the gradients of an octave: mix(seed + (octave + 1) · 0x9e3779b9) modulo 2³².
+    /// Seed of the gradients of an octave: scatter(seed + (octave + 1) · 0x9e3779b9) modulo 2³².
     pub fn seed_of(seed: u32, octave: u32) -> u32 {
-        mix(seed.wrapping_add((octave + 1).wrapping_mul(0x9e37_79b9)))
+        scatter(seed.wrapping_add((octave + 1).wrapping_mul(0x9e37_79b9)))
     }
 
     /// n at a point given in cells of the first octave.

@@ -4,6 +4,7 @@
 //! ranges that do not depend on each other. Each file here says what its stage computes and where that comes from;
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
+mod examples;
 mod grid;
 mod inject;
 mod march;
@@ -11,6 +12,7 @@ mod project;
 mod reduce;
 mod relight;
 
+pub use examples::examples;
 pub use grid::{GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
@@ -60,8 +62,6 @@ pub trait Kernel {
 /// compile until every device has it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stage {
-    /// Density of a medium that is described instead of sampled.
-    Inject(Inject),
     /// Coarse mean and maximum of a field.
     Reduce(Reduce),
     /// Moments of transmittance or radiance at the cells of a record grid.
@@ -70,16 +70,18 @@ pub enum Stage {
     Relight(Relight),
     /// View rays through the medium.
     March(March),
+    /// Density of a medium that is described instead of sampled.
+    Inject(Inject),
 }
 
 macro_rules! each {
     ($self:ident, $stage:ident => $value:expr) => {
         match $self {
-            Stage::Inject($stage) => $value,
             Stage::Reduce($stage) => $value,
             Stage::Project($stage) => $value,
             Stage::Relight($stage) => $value,
             Stage::March($stage) => $value,
+            Stage::Inject($stage) => $value,
         }
     };
 }
@@ -90,7 +92,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 5] = [Inject::NAME, Reduce::NAME, Project::NAME, Relight::NAME, March::NAME];
+    pub const NAMES: [&'static str; 5] = [Reduce::NAME, Project::NAME, Relight::NAME, March::NAME, Inject::NAME];
 
     /// Name of the stage and of its kernel files.
     pub fn name(&self) -> &'static str {
@@ -125,11 +127,11 @@ impl Stage {
     /// What turns more often and cannot be cut.
     pub fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
         Ok(match self {
-            Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),
             Self::Reduce(stage) => stage.passes(turns)?.into_iter().map(Self::Reduce).collect(),
             Self::Project(stage) => stage.passes(turns)?.into_iter().map(Self::Project).collect(),
             Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
             Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
+            Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),
         })
     }
 
@@ -164,26 +166,16 @@ pub(crate) use require;
 mod tests {
     use super::*;
     use crate::device::{Buf, Field, FieldFormat, FieldSpec};
-    use crate::device::{KernelStruct, ResourceId};
-    use bytemuck::Zeroable;
+    use crate::device::{KernelLanguage, KernelStruct, ResourceId};
 
     #[test]
     fn shared_structs_have_the_same_text_in_both_languages() {
-        assert_eq!(
-            RelightParams::wgsl().lines().nth(1).map(str::trim),
-            Some("cells: u32,"),
-            "{}",
-            RelightParams::wgsl()
-        );
-        for (wgsl, opencl) in [
-            (InjectParams::wgsl(), InjectParams::opencl()),
-            (BlobRecord::wgsl(), BlobRecord::opencl()),
-            (ReduceParams::wgsl(), ReduceParams::opencl()),
-            (ProjectParams::wgsl(), ProjectParams::opencl()),
-            (MarchParams::wgsl(), MarchParams::opencl()),
-            (LightRecord::wgsl(), LightRecord::opencl()),
-        ] {
-            assert_eq!(wgsl.lines().count(), opencl.lines().count());
+        use KernelLanguage::{Opencl, Wgsl};
+        assert_eq!(RelightParams::text(Wgsl).lines().nth(1), Some("    cells: u32,"));
+        assert_eq!(RelightParams::text(Opencl).lines().nth(1), Some("    uint cells;"));
+        let params = [InjectParams::text, ReduceParams::text, ProjectParams::text, MarchParams::text];
+        for text in params.into_iter().chain([BlobRecord::text, LightRecord::text]) {
+            assert_eq!(text(Wgsl).lines().count(), text(Opencl).lines().count());
         }
     }
 
@@ -191,8 +183,7 @@ mod tests {
     fn a_resource_may_not_be_read_and_written() {
         let spec = FieldSpec { dims: [1; 3], layers: 1, format: FieldFormat::Scalar };
         let density = Field { id: ResourceId(1), spec };
-        let mut params = ReduceParams::zeroed();
-        (params.dims, params.coarse, params.cell) = ([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
+        let params = ReduceParams::new([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
         let stage = |out| Stage::Reduce(Reduce { params, density, other: None, out: Buf::new(ResourceId(out), 1) });
         assert!(stage(2).validate().is_ok());
         assert!(stage(1).validate().is_err());

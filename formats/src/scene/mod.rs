@@ -5,6 +5,7 @@
 //! (`"none"`, `false`, an empty list or table) is taken.
 
 mod camera;
+mod described;
 mod error;
 mod estimate;
 mod light;
