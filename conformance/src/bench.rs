@@ -9,8 +9,25 @@ use airlight::stage::Stage;
 use bytemuck::Pod;
 use libtest_mimic::Failed;
 
-use crate::Subject;
-use crate::compare::same_bits;
+use crate::{Axis, Record, Subject};
+
+/// How the work of a stage is cut, which must change nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Cut {
+    /// Into one piece.
+    Whole,
+    /// Into uneven pieces that are run in disorder.
+    Pieces,
+    /// Into passes of so many turns of loops, each in uneven pieces.
+    Passes(u64),
+}
+
+/// Every [`Cut`].
+pub(crate) fn cuts() -> Axis<Cut> {
+    let passes = TURNS.map(|turns| (format!("passes of {turns} turns"), Cut::Passes(turns)));
+    let all = [("whole".to_owned(), Cut::Whole), ("pieces".to_owned(), Cut::Pieces)];
+    Axis::new("cut", all.into_iter().chain(passes))
+}
 
 /// Turns of loops that a stage is held to: enough for whole rays of some sets, for single steps of others.
 const TURNS: [u64; 3] = [4000, 600, 100];
@@ -69,26 +86,25 @@ impl Bench {
         Ok(out)
     }
 
-    /// Runs a stage as one piece over outputs filled with values that are not numbers, so that what it does not write
-    /// shows; then again in uneven pieces, in disorder, and in passes of few turns of loops, each in pieces. All must
-    /// give the same bits.
-    pub(crate) fn run(&mut self, stage: &Stage) -> Result<(), Failed> {
+    /// Runs a stage over outputs filled with values that are not numbers, so that what it does not write shows.
+    /// Every variant of a case must give the same bits.
+    pub(crate) fn run(&mut self, record: &mut Record, stage: &Stage, cut: Cut) -> Result<(), Failed> {
         stage.validate()?;
         let axis = stage.axis();
         let (first, second, third) = (axis / 5, axis / 2, axis - axis / 7);
         let ranges = [second..third, 0..first, third..axis, first..first, first..second];
-        let whole = self.pieces(std::slice::from_ref(stage), std::slice::from_ref(&(0..axis)))?;
-        let same = |how: String, found: &[Vec<f32>]| {
-            let mut pairs = whole.iter().zip(found);
-            pairs.try_for_each(|(whole, found)| same_bits(&format!("{} {how}", stage.name()), whole, found))
+        let whole = std::slice::from_ref(stage);
+        let written = match cut {
+            Cut::Whole => self.pieces(whole, std::slice::from_ref(&(0..axis)))?,
+            Cut::Pieces => self.pieces(whole, &ranges)?,
+            Cut::Passes(turns) => match stage.passes(turns) {
+                Ok(passes) => self.pieces(&passes, &ranges)?,
+                // What cannot be cut so far need not be.
+                Err(_) => self.pieces(whole, &ranges)?,
+            },
         };
-        same("in pieces".into(), &self.pieces(std::slice::from_ref(stage), &ranges)?)?;
-        for turns in TURNS {
-            // What cannot be cut so far need not be.
-            let Ok(passes) = stage.passes(turns) else { continue };
-            if passes.len() > 1 {
-                same(format!("in {} passes", passes.len()), &self.pieces(&passes, &ranges)?)?;
-            }
+        for (i, values) in written.iter().enumerate() {
+            record.steady(&format!("output {i} of {}", stage.name()), values);
         }
         Ok(())
     }
