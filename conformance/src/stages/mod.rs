@@ -1,5 +1,6 @@
 //! Each stage against its twin.
 
+mod inject;
 mod march;
 mod march_cases;
 mod project;
@@ -12,7 +13,8 @@ use crate::bench::cuts;
 use crate::{Case, Record, Subject, Tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    [reduce::cases(), project::cases(), relight::cases(), march_cases::cases()].into_iter().flatten().collect()
+    let stages = [reduce::cases(), project::cases(), relight::cases(), march_cases::cases(), inject::cases()];
+    stages.into_iter().flatten().collect()
 }
 
 /// A case of a stage, whose work is cut in every way, and whose tolerance is that of the device's filter.

@@ -35,7 +35,8 @@ impl Bins {
         Self::within(lattice, blobs, radii, Self::ENTRIES)
     }
 
-    fn within(lattice: &Lattice, blobs: &[Gaussian], radii: &[f64], entries: u64) -> Self {
+    /// As [`Bins::new`], with bins as wide as `entries` in all ask for.
+    pub fn within(lattice: &Lattice, blobs: &[Gaussian], radii: &[f64], entries: u64) -> Self {
         let reaches: Vec<Reach> =
             blobs.iter().zip(radii).map(|(blob, &radius)| Reach::new(lattice, blob, radius)).collect();
         let bricks = lattice.dims().map(|n| n.div_ceil(Self::BRICK));

@@ -126,8 +126,7 @@ fn noise(table: &Table<'_>) -> Result<FractalNoise, Fault> {
     let octaves = table.or("octaves", 4, |f| f.whole(1..=FractalNoise::MAX_OCTAVES))?;
     let seed = table.or("seed", 0, |f| f.whole(0..=u32::MAX))?;
     let most = FractalNoise::MAX_CONTRAST;
-    let contrast =
-        table.or("contrast", 1.0, |f| f.number_where("from 0 to 1000", |v| (0.0..=most).contains(&v)))?;
+    let contrast = table.or("contrast", 1.0, |f| f.number_where("from 0 to 1000", |v| (0.0..=most).contains(&v)))?;
     FractalNoise::new(width, octaves, seed, contrast).map_err(|e| scale.from(e))
 }
 

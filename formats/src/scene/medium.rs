@@ -41,7 +41,10 @@ const PHASES: &[(&str, &[&str])] = &[
 
 /// Where the density comes from.
 enum Source<'a> {
-    Homogeneous { density: f32, bounds: Field<'a> },
+    Homogeneous {
+        density: f32,
+        bounds: Field<'a>,
+    },
     Grid {
         file: Field<'a>,
         name: Option<&'a str>,

@@ -202,11 +202,7 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "blobs = [{ center = [0, 0, 0], a = 0, c = 2.0 }]",
             "7:36: medium.blobs[0].a = 0; it must be from 1e-15 to 1e15",
         ),
-        (
-            "gaussians",
-            "blobs = [{ center = [0, 0, 0], a = 1 }]",
-            "7:10: medium.blobs[0].c is missing, as in c = 2.0",
-        ),
+        ("gaussians", "blobs = [{ center = [0, 0, 0], a = 1 }]", "7:10: medium.blobs[0].c is missing, as in c = 2.0"),
         (
             "gaussians",
             "blobs = [{ center = [0, 0, 0], a = 1, c = 9e14 }, { center = [0, 0, 0], a = 1, c = 9e14 }]",
@@ -222,11 +218,7 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "cells = 8",
             "4:1: medium.blobs is missing, as in blobs = [{ center = [0, 0, 0], a = 9.0, c = 2.0 }], or file = \"blobs.json\"",
         ),
-        (
-            "gaussians",
-            "file = \"no.json\"",
-            "7:8: medium.file: scenes/no.json: No such file or directory (os error 2)",
-        ),
+        ("gaussians", "file = \"no.json\"", "7:8: medium.file: scenes/no.json: No such file or directory (os error 2)"),
         ("height-fog", "falloff = -2", "7:11: medium.falloff = -2; it must be at least 0"),
         ("height-fog", "cells = 5000", "7:9: medium.cells = 5000; it must be a whole number from 1 to 4096"),
         ("height-fog", "density = 1e16", "7:11: medium.density = 10000000000000000; it must be from 0 to 1e15"),
