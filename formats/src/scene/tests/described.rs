@@ -1,6 +1,6 @@
 //! Media that a scene describes.
 
-use airlight_core::media::DensitySource;
+use airlight_core::media::{DensitySource, Medium};
 
 use super::*;
 

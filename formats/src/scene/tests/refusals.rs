@@ -221,7 +221,7 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
         ("gaussians", "file = \"no.json\"", "7:8: medium.file: scenes/no.json: No such file or directory (os error 2)"),
         ("height-fog", "falloff = -2", "7:11: medium.falloff = -2; it must be at least 0"),
         ("height-fog", "cells = 5000", "7:9: medium.cells = 5000; it must be a whole number from 1 to 4096"),
-        ("height-fog", "density = 1e16", "7:11: medium.density = 10000000000000000; it must be from 0 to 1e15"),
+        ("height-fog", "density = 1e16", "7:11: medium.density = 1e16; it must be from 0 to 1e15"),
         ("noise", "octaves = 0", "4:1: medium.scale is missing, as in scale = 0.5, in metres"),
         ("noise", "scale = 1\noctaves = 0", "8:11: medium.octaves = 0; it must be a whole number from 1 to 16"),
         ("noise", "scale = 1\ncontrast = -1", "8:12: medium.contrast = -1; it must be from 0 to 1000"),
