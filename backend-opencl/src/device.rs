@@ -119,7 +119,6 @@ impl Device for OpenclDevice {
     fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
         self.cl.check()?;
         stage.validate().map_err(DeviceError::Invalid)?;
-        source::check(stage)?;
         if range.start > range.end || range.end > stage.axis() {
             return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
         }

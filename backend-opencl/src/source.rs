@@ -4,8 +4,7 @@
 
 use std::fmt::Write as _;
 
-use airlight_core::basis::SphericalHarmonics;
-use airlight_core::device::{DeviceError, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
+use airlight_core::device::{Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
 use airlight_core::kernel_struct;
 use airlight_core::stage::{Inject, March, Stage};
 
@@ -32,7 +31,7 @@ const NUMBER: &str = "size_t number(void) {\n    return get_global_id(0);\n}\n";
 
 macro_rules! file {
     ($name:literal) => {
-        KernelFile { name: $name, text: include_str!(concat!("../kernels/", $name)) }
+        KernelFile { name: concat!("kernels/", $name), text: include_str!(concat!("../kernels/", $name)) }
     };
 }
 
@@ -72,26 +71,6 @@ pub(crate) fn of(stage: &Stage) -> Source {
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }
 
-/// The most values of spherical harmonics that a kernel holds.
-const MAX_HARMONICS: u32 = SphericalHarmonics::DEVICE_BANDS.pow(2);
-
-/// Whether a kernel's private memory holds what the stage needs there.
-///
-/// # Errors
-/// Too many layers of in-scattered radiance.
-pub(crate) fn check(stage: &Stage) -> Result<(), DeviceError> {
-    match stage {
-        Stage::March(March { params, in_scatter: Some(_), .. }) if params.cells[3] > MAX_HARMONICS => {
-            Err(DeviceError::Limit {
-                what: "the layers of in-scattered radiance",
-                requested: params.cells[3].into(),
-                limit: MAX_HARMONICS.into(),
-            })
-        }
-        Stage::Reduce(_) | Stage::Project(_) | Stage::Relight(_) | Stage::March(_) | Stage::Inject(_) => Ok(()),
-    }
-}
-
 /// The most slabs of a field: each is an argument of its kernels.
 pub(crate) const MAX_SLABS: u32 = 16;
 
@@ -118,7 +97,7 @@ impl Source {
     pub(crate) fn text(&self, shapes: &[Shape]) -> String {
         let prelude = self.prelude(shapes);
         let mut text = KernelText::new(OPENCL, &prelude, &self.recipe, shapes, helper, self.file);
-        text.push("generated", &format!("#line 1 \"kernels/generated\"\n{}", self.entry(shapes)));
+        text.push("generated", &format!("#line 1 \"generated\"\n{}", self.entry(shapes)));
         text.whole
     }
 

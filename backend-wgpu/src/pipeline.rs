@@ -114,7 +114,7 @@ pub(crate) fn compile(gpu: &Gpu, name: &str, text: &Text) -> Result<ShaderModule
             if message.message_type == wgpu::CompilationMessageType::Error {
                 let (file, line) = text.place(message.location.map_or(0, |at| at.line_number as usize));
                 // Writing to a String cannot fail.
-                let _ = write!(said, "kernels/{file}:{line}: {}", message.message.trim());
+                let _ = write!(said, "{file}:{line}: {}", message.message.trim());
             }
         }
         module

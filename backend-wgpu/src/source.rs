@@ -49,7 +49,7 @@ const NUMBER: &str = "fn number(id: vec3<u32>) -> u32 {\n    return id.y * launc
 
 macro_rules! file {
     ($name:literal) => {
-        KernelFile { name: $name, text: include_str!(concat!("../kernels/", $name)) }
+        KernelFile { name: concat!("kernels/", $name), text: include_str!(concat!("../kernels/", $name)) }
     };
 }
 
@@ -165,7 +165,7 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
     let mut text = Text::default();
     let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME) + &WGSL.integer("WORDS", words);
     text.push("generated", &prelude);
-    text.push("publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
+    text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
     text
 }
 

@@ -7,8 +7,8 @@ use airlight::media::{Gaussian, Gaussians, Lattice, Medium};
 use airlight::random::{hash, unit};
 use airlight::scene::Camera;
 use airlight::stage::{
-    BlobRecord, GridParams, Inject, InjectParams, March, MarchParams, Project, ProjectParams, Reduce, ReduceParams, Relight, RelightParams, Stage,
-    inject_kind, shadow_kind,
+    BlobRecord, GridParams, Inject, InjectParams, March, MarchParams, Project, ProjectParams, Reduce, ReduceParams,
+    Relight, RelightParams, Stage, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 

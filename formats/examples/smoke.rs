@@ -11,8 +11,8 @@ use airlight_core::glam::DVec3;
 use airlight_core::random::{hash, unit};
 
 /// Puffs, and Gaussians in each.
-const PUFFS: u32 = 34;
-const EACH: u32 = 18;
+const PUFFS: u32 = 40;
+const EACH: u32 = 20;
 /// Height of the plume, metres.
 const HEIGHT: f64 = 2.6;
 
@@ -41,7 +41,7 @@ fn main() {
     let mut text = String::from("[\n");
     for puff in 0..PUFFS {
         let share = (f64::from(puff) + between(0.0, 1.0, puff, 0, 0)) / f64::from(PUFFS);
-        let y = HEIGHT * share.powf(0.85);
+        let y = HEIGHT * share.powf(1.1);
         let wide = 0.035 + 0.16 * y.powf(0.9);
         // Puffs stand off the axis at angles of the golden section.
         let turn = f64::from(puff) * 2.399_963;
@@ -49,14 +49,15 @@ fn main() {
         for blob in 0..EACH {
             let radius = wide * between(0.0, 1.0, puff, blob, 1).cbrt();
             let center = middle + direction(puff, blob, 2) * radius * DVec3::new(1.0, 0.8, 1.0);
-            let width = wide * between(0.16, 0.5, puff, blob, 4);
+            let width = wide * between(0.13, 0.4, puff, blob, 4);
             // The plume thins as it widens and as its end is reached.
             let thinning = (0.11 / (0.05 + wide)).powf(1.3) * (1.0 - share.powi(4));
-            let c = thinning * between(0.35, 1.0, puff, blob, 5) * (0.33 * wide / width).powf(0.8);
+            let c = thinning * between(0.35, 1.0, puff, blob, 5) * (0.27 * wide / width).powf(0.8);
             let [x, y, z] = center.to_array();
             let last = puff + 1 == PUFFS && blob + 1 == EACH;
             // Writing to a String cannot fail.
-            let _ = write!(text, "  {{ \"center\": [{x:.4}, {y:.4}, {z:.4}], \"a\": {:.3}, \"c\": {c:.4} }}", 1.0 / width);
+            let _ =
+                write!(text, "  {{ \"center\": [{x:.4}, {y:.4}, {z:.4}], \"a\": {:.3}, \"c\": {c:.4} }}", 1.0 / width);
             text += if last { "\n" } else { ",\n" };
         }
     }

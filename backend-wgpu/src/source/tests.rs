@@ -122,5 +122,5 @@ fn faults_name_the_file_and_line_they_stand_in() {
     let lines = helper(Helper::Segment).text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
     text.whole = text.whole.replace("exp(-tau)", "no_such_function(-tau)");
     let error = module(&text).unwrap_err();
-    assert!(error.contains(&format!("(\"segment.wgsl\", {})", lines + 1)), "{error}");
+    assert!(error.contains(&format!("(\"kernels/segment.wgsl\", {})", lines + 1)), "{error}");
 }

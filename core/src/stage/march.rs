@@ -417,4 +417,17 @@ mod tests {
         part.params.sample_end = 2;
         assert!(part.validate().is_err());
     }
+
+    #[test]
+    fn directions_have_no_more_harmonics_than_kernels_hold() {
+        let layered = |bands: u32| {
+            let mut march = March { tables: Buf::new(ResourceId(2), 1000), ..march(1) };
+            (march.params.bands, march.params.cells) = (bands, [2, 2, 2, bands * bands]);
+            let spec = FieldSpec { dims: [2, 2, 2], layers: bands * bands, format: FieldFormat::Rgba };
+            march.in_scatter = Some(Field { id: ResourceId(5), spec });
+            march.validate()
+        };
+        assert_eq!(layered(10), Ok(()));
+        assert!(layered(11).unwrap_err().contains("11 bands"));
+    }
 }
