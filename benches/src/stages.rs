@@ -143,7 +143,7 @@ impl Rig {
             "project" => (self.project(), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
-            "inject" => (self.inject(&gaussians(8000, DIMS.max_element())), "voxels"),
+            "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
         made.map(|(stage, elements)| (stage, elements, unit))

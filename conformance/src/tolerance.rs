@@ -58,9 +58,10 @@ tolerances! {
          metre turn into 2·10⁻⁶, and sums run over up to a thousand terms." }
 
     /// As [`INJECT`], of noise.
-    INJECT_NOISE { 5e-5, 5e-4,
-        "Places are up to 256 cells, good to 1.5·10⁻⁵ of one, and each octave changes by up to two or three a cell, times \
-         the contrast; the mean change is a tenth of that." }
+    INJECT_NOISE { 1e-4, 1e-3,
+        "Places are up to 256 cells, good to 1.5·10⁻⁵ of one after each of three sums; each of five octaves changes by \
+         about one a cell, at the steepest by three, and the contrast of three is as much again: 6·10⁻⁵ of values about one, \
+         and at the worst 10⁻³." }
 
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }
