@@ -7,10 +7,11 @@ use std::time::Instant;
 use airlight_core::device::{
     Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, FieldSpec, Limits, ResourceId, ResourceSpec, StageTime,
 };
+use airlight_core::host;
 use airlight_core::stage::Stage;
 use bytemuck::Pod;
 
-use crate::{Isa, kernels, memory};
+use crate::{Isa, kernels};
 
 /// The processor's cores as a device.
 pub struct CpuDevice {
@@ -57,11 +58,11 @@ impl CpuDevice {
 
     fn of(isa: Isa) -> Self {
         let cores = rayon::current_num_threads();
-        let memory_bytes = memory::physical();
+        let memory_bytes = host::memory();
         let info = DeviceInfo {
             backend: "cpu",
             index: 0,
-            name: memory::processor(),
+            name: processor(),
             kind: DeviceKind::Cpu,
             memory_bytes,
             limits: Limits {
@@ -73,6 +74,7 @@ impl CpuDevice {
             },
             features: vec![format!("{cores} threads"), isa.name().to_owned()],
             filter_bits: 24,
+            unusable: None,
         };
         Self { info, isa, resources: HashMap::new(), times: Vec::new() }
     }
@@ -102,7 +104,7 @@ impl Device for CpuDevice {
     }
 
     fn free_memory(&self) -> Option<u64> {
-        memory::free()
+        host::free_memory()
     }
 
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
@@ -121,7 +123,7 @@ impl Device for CpuDevice {
             }
         }
         let requested = spec.bytes();
-        let missing = || DeviceError::OutOfMemory { requested, available: memory::free() };
+        let missing = || DeviceError::OutOfMemory { requested, available: host::free_memory() };
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
         memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;
@@ -256,4 +258,10 @@ impl<'d> Readable<'d> {
         }
         Ok(bytemuck::cast_slice(resource.bytes()))
     }
+}
+/// The processor's name, where the system says.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
+    name.map_or_else(|| format!("{} processor", std::env::consts::ARCH), |name| name.trim().to_owned())
 }

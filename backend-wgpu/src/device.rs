@@ -5,19 +5,23 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, FieldFormat, ResourceId, ResourceSpec, StageTime,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, ResourceId, ResourceSpec, StageTime,
 };
+use airlight_core::host;
 use airlight_core::stage::Stage;
-use wgpu::QuerySet;
+use wgpu::{QuerySet, Sampler};
 
 use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
+use crate::engine::Engine;
+use crate::filter::{self, Filter};
 use crate::gpu::{Gpu, STAGING};
 use crate::launch::{Launches, Shot};
 use crate::memory::{Resource, texture_format};
 use crate::pipeline::Pipeline;
 use crate::source::{self, PublishParams, Shape};
 use crate::store::{Bound, Store};
+use crate::vulkan;
 
 /// A graphics processor as a device.
 #[derive(Debug)]
@@ -25,10 +29,13 @@ pub struct WgpuDevice {
     pub(crate) info: DeviceInfo,
     pub(crate) gpu: Gpu,
     pub(crate) limits: wgpu::Limits,
-    store: Store,
+    pub(crate) store: Store,
     /// Kernels by stage and the shapes of its bindings.
     pipelines: HashMap<(&'static str, Vec<Shape>), Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
+    pub(crate) engine: Engine,
+    /// Where texture units interpolate.
+    pub(crate) sampler: Option<Sampler>,
     clock: Clock,
 }
 
@@ -44,11 +51,12 @@ fn span(offset: u64, len: usize, bytes: u64) -> Result<(), DeviceError> {
 }
 
 impl WgpuDevice {
-    /// An opened adapter.
-    pub(crate) fn new(info: DeviceInfo, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self, DeviceError> {
-        let stamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
-        let tick = stamps.then(|| f64::from(queue.get_timestamp_period()));
-        let (limits, gpu) = (device.limits(), Gpu::new(device, queue));
+    /// What `gpu` is, ready to work.
+    pub(crate) fn new(mut info: DeviceInfo, gpu: Gpu) -> Result<Self, DeviceError> {
+        let stamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
+        let limits = gpu.device.limits();
+        let sampler = filter::sampler(&gpu, &mut info, Filter::default());
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -56,11 +64,19 @@ impl WgpuDevice {
             gpu,
             pipelines: HashMap::new(),
             publishers: HashMap::new(),
+            engine: Engine::default(),
+            sampler,
             clock: Clock::new(tick),
         })
     }
 
-    fn binding_limits(&self) -> BindingLimits {
+    /// Chooses who interpolates; kernels of another choice are dropped.
+    pub(crate) fn set_filter(&mut self, filter: Filter) {
+        self.sampler = filter::sampler(&self.gpu, &mut self.info, filter);
+        self.pipelines.clear();
+    }
+
+    pub(crate) fn binding_limits(&self) -> BindingLimits {
         let align = u64::from(self.limits.min_storage_buffer_offset_alignment).max(4);
         BindingLimits { bytes: self.info.limits.binding_bytes, align }
     }
@@ -71,7 +87,8 @@ impl WgpuDevice {
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let built = Pipeline::of_stage(&self.gpu, source.name, &source.text(&key.1), &key.1)?;
+        let text = source.text(&key.1, self.sampler.is_some());
+        let built = Pipeline::of_stage(&self.gpu, source.name, &text, &key.1, self.sampler.as_ref())?;
         Ok(Arc::clone(self.pipelines.entry(key).or_insert(Arc::new(built))))
     }
 
@@ -108,6 +125,13 @@ impl WgpuDevice {
 impl Device for WgpuDevice {
     fn info(&self) -> &DeviceInfo {
         &self.info
+    }
+
+    fn free_memory(&self) -> Option<u64> {
+        if self.info.kind == DeviceKind::SoftwareGpu {
+            return host::free_memory();
+        }
+        vulkan::free(&self.gpu.device)
     }
 
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
@@ -201,5 +225,10 @@ impl Device for WgpuDevice {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.clock.finish(&mut self.gpu)
+    }
+
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.clock.forget();
+        self.gpu.flush()
     }
 }

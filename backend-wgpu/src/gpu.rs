@@ -25,6 +25,19 @@ pub(crate) struct Gpu {
     faults: Arc<Mutex<Faults>>,
     /// Bytes written since the last submission.
     written: u64,
+    /// Whether nobody else uses the device.
+    own: bool,
+}
+
+/// For the owner of a device that is shared: tells of its loss, of which wgpu informs only one.
+#[derive(Clone, Debug)]
+pub struct LossNotice(Arc<Mutex<Faults>>);
+
+impl LossNotice {
+    /// From now on every call of the device of ours fails with [`DeviceError::Lost`] and this reason.
+    pub fn tell(&self, reason: impl Into<String>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).lost.get_or_insert(reason.into());
+    }
 }
 
 fn of(error: wgpu::Error, requested: u64) -> DeviceError {
@@ -37,7 +50,8 @@ fn of(error: wgpu::Error, requested: u64) -> DeviceError {
 }
 
 impl Gpu {
-    pub(crate) fn new(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+    /// A device that is ours alone: what it says is for us.
+    pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let faults = Arc::new(Mutex::new(Faults::default()));
         let heard = Arc::clone(&faults);
         device.on_uncaptured_error(Arc::new(move |error| {
@@ -50,7 +64,18 @@ impl Gpu {
             let text = if text.is_empty() { format!("{reason:?}") } else { text };
             faults.lost.get_or_insert(text);
         });
-        Self { device, queue, faults, written: 0 }
+        Self { device, queue, faults, written: 0, own: true }
+    }
+
+    /// A device that others use too. wgpu has one listener each for uncaptured errors and for the loss of the device,
+    /// and they are the others': errors of ours are all caught where they arise ([`Gpu::guarded`]).
+    pub(crate) fn shared(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        Self { device, queue, faults: Arc::default(), written: 0, own: false }
+    }
+
+    /// What tells of the loss of a device that is shared.
+    pub(crate) fn loss_notice(&self) -> LossNotice {
+        LossNotice(Arc::clone(&self.faults))
     }
 
     /// Fails where the device is gone, for good; or where a fault arrived late, once.
@@ -64,8 +89,11 @@ impl Gpu {
 
     /// As [`Gpu::check`], after hearing of what happened since the last call: a lost device says nothing by itself.
     pub(crate) fn enter(&self) -> Result<(), DeviceError> {
-        // What polling says besides is heard when something is waited for.
-        let _ = self.device.poll(PollType::Poll);
+        // What polling says besides is heard when something is waited for. On a device of others it would call what
+        // they wait for in the middle of our work.
+        if self.own {
+            let _ = self.device.poll(PollType::Poll);
+        }
         self.check()
     }
 
@@ -99,6 +127,15 @@ impl Gpu {
             self.wait()?;
         }
         Ok(())
+    }
+
+    /// Sends what was written on its way.
+    pub(crate) fn flush(&mut self) -> Result<(), DeviceError> {
+        if self.written > 0 {
+            self.written = 0;
+            self.guarded(0, || self.queue.submit([]))?;
+        }
+        self.check()
     }
 
     /// Waits for all work so far.

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use airlight_core::device::Device;
 use airlight_core::exec::{ExecError, Hooks, RenderError, Renderer};
-use airlight_core::glam::UVec3;
-use airlight_core::media::{Optics, Phase};
+use airlight_core::glam::{DVec3, UVec3};
+use airlight_core::media::{Homogeneous, Optics, Phase};
 use airlight_core::scene::{Content, Elimination, Film, Records, Scene};
 use airlight_cpu::CpuDevice;
 
@@ -61,6 +61,17 @@ fn small_limits_cut_every_resource_and_change_nothing() {
     for Case { name, scene } in scenes::all() {
         compare(name, &renderer.render(&scene).unwrap().film, &on_cpu(&scene));
     }
+}
+
+#[test]
+fn a_sky_past_a_binding_and_past_a_texture_is_the_processors() {
+    // Bindings of 64 texels of the sky's 84, and textures of 27.
+    let Some(device) = small_device(1024, 3) else { return };
+    let mut scene = scenes::all().into_iter().find(|case| case.name == "sky").unwrap().scene;
+    scene.medium = Arc::new(Homogeneous::new(0.5, DVec3::ZERO, DVec3::new(0.9, 0.7, 1.1)).unwrap());
+    (scene.camera.width, scene.camera.height, scene.camera.samples) = (3, 9, 4);
+    scene.estimate.environment = None;
+    compare("sky", &Renderer::new(Box::new(device)).render(&scene).unwrap().film, &on_cpu(&scene));
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Ranges, windows, slabs and planes of workgroups, stage by stage against the processor.
 
-use airlight_core::device::{Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, StageTime};
+use airlight_core::device::{
+    Device, DeviceError, DeviceKind, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, StageTime,
+};
 use airlight_core::stage::{Reduce, ReduceParams, Stage};
 use airlight_cpu::CpuDevice;
 
@@ -130,5 +132,21 @@ fn layers_written_by_the_host_and_published_are_the_same() {
         let error = relative_l2(&film(&mut device, published), &expected);
         // A few units in the last place a step, over ten steps.
         assert!(error < 1e-6, "published {published}: {error:e}");
+    }
+}
+
+#[test]
+fn memory_is_told_where_the_driver_tells_it() {
+    let Some(device) = device() else { return };
+    let stated = crate::vulkan::of_device(&device.gpu.device);
+    let software = device.info().kind == DeviceKind::SoftwareGpu;
+    assert_eq!(device.info().memory_bytes, if software { airlight_core::host::memory() } else { stated.memory });
+    if device.info().features.iter().any(|feature| feature == "vulkan") {
+        // Vulkan has every device state both.
+        assert!(stated.memory.is_some_and(|bytes| bytes > 1 << 28), "{stated:?}");
+        assert!(stated.weight_bits.is_some_and(|bits| (4..=24).contains(&bits)), "{stated:?}");
+    }
+    if let (Some(free), Some(all)) = (device.free_memory(), device.info().memory_bytes) {
+        assert!(free > 0 && free <= all, "{free} of {all}");
     }
 }

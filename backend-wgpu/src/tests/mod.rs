@@ -1,6 +1,8 @@
 //! What must run on a device. Without an adapter the tests say that they were skipped, or fail where `AIRLIGHT_REQUIRE`
 //! names `wgpu`.
 
+mod engine;
+mod filter;
 mod frames;
 mod limits;
 mod scenes;

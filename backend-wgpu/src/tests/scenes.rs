@@ -78,6 +78,7 @@ pub(super) fn scene(medium: Arc<dyn Medium>, optics: Optics, records: Records, l
         medium,
         optics,
         environment: Some(sky()),
+        background: None,
         lights,
         estimate: Estimate {
             environment: Some(EnvironmentEstimate::Records(records)),

@@ -125,4 +125,8 @@ impl Device for Faulty {
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.inner.finish()
     }
+
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.inner.flush()
+    }
 }

@@ -10,6 +10,7 @@ mod resource;
 mod slabs;
 mod text;
 
+use std::any::Any;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -19,7 +20,7 @@ pub use kernel::{
     BufferElement, KernelElement, KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout,
 };
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
-pub use slabs::Slabs;
+pub use slabs::{Slabs, fold};
 pub use text::{Helper, KernelFile, KernelLanguage, KernelText, Recipe, Shape, ShapeKind};
 
 use crate::stage::Stage;
@@ -28,7 +29,7 @@ use crate::stage::Stage;
 ///
 /// Calls are in order: a stage sees all that was written and dispatched before it. `dispatch` may return before the
 /// work is done; `read` and `finish` wait. After [`DeviceError::Lost`] every call fails with it.
-pub trait Device: Send {
+pub trait Device: Any + Send {
     /// What the device is and can do.
     fn info(&self) -> &DeviceInfo;
 
@@ -76,6 +77,22 @@ pub trait Device: Send {
     /// # Errors
     /// A fault of the work so far.
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError>;
+
+    /// Sends all work on its way without waiting for it, and forgets the times of the dispatches since the last call of
+    /// this or of [`Device::finish`]. Faults may surface in a later call. By default it waits.
+    ///
+    /// # Errors
+    /// A fault of the work so far.
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.finish().map(drop)
+    }
+}
+
+impl dyn Device {
+    /// The device itself, where it is a `D`: what a backend offers beyond this trait.
+    pub fn downcast_mut<D: Device>(&mut self) -> Option<&mut D> {
+        (self as &mut dyn Any).downcast_mut()
+    }
 }
 
 /// The time one dispatch took on the device.
@@ -154,6 +171,8 @@ pub struct DeviceInfo {
     pub features: Vec<String>,
     /// Bits of a filter weight between two texels of a field; 24 is a filter in 32-bit floats.
     pub filter_bits: u32,
+    /// Why it is there and cannot be opened.
+    pub unusable: Option<String>,
 }
 
 impl DeviceInfo {
