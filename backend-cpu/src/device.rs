@@ -189,6 +189,7 @@ impl Device for CpuDevice {
         let mut memory = Memory { device: self, taken: Vec::new() };
         let (isa, part) = (memory.device.isa, range.clone());
         let done = match stage {
+            Stage::Inject(stage) => kernels::inject::run(stage, part, &mut memory, isa),
             Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory),
             Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
             Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),

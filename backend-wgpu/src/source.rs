@@ -62,6 +62,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Phase => file!("phase.wgsl"),
         Helper::Harmonics => file!("harmonics.wgsl"),
         Helper::Segment => file!("segment.wgsl"),
+        Helper::Noise => file!("noise.wgsl"),
     }
 }
 
@@ -84,6 +85,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Propagate(_) => (file!("propagate.wgsl"), 64),
         Stage::Relight(_) => (file!("relight.wgsl"), 64),
         Stage::March(_) => (file!("march.wgsl"), 1),
+        Stage::Inject(_) => (file!("inject.wgsl"), 1),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -52,6 +52,17 @@ tolerances! {
     /// As [`STAGE`], of means.
     MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }
 
+    /// Density that is made on the device, against its twin.
+    INJECT { 1e-5, 1e-5,
+        "f32 against f64: places are good to 2⁻²⁴ of half a metre, which Gaussians of up to 40/m and fog of 7 falloffs a \
+         metre turn into 2·10⁻⁶, and sums run over up to a thousand terms." }
+
+    /// As [`INJECT`], of noise.
+    INJECT_NOISE { 1e-4, 1e-3,
+        "Places are up to 256 cells, good to 1.5·10⁻⁵ of one after each of three sums; each of five octaves changes by \
+         about one a cell, at the steepest by three, and the contrast of three is as much again: 6·10⁻⁵ of values about one, \
+         and at the worst 10⁻³." }
+
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }
 

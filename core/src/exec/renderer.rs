@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
@@ -191,7 +192,7 @@ fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     let lattice = medium.lattice();
     let spec = FieldSpec { dims: lattice.dims().to_array(), layers: 1, format: FieldFormat::Scalar };
     let version = medium.version();
-    let density = plan.upload_field("density", spec, &version, |k, out| medium.density_slice(k, out));
+    let density = plan_density(medium.as_ref(), plan);
     let emission = match medium.emission_density() {
         Some(field) if scene.optics.emits() => {
             Some(plan.upload_field("emission density", spec, &version, move |k, out| field.slice(k, out)))

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{March, Project, Propagate, Reduce, Relight, Stage};
+use super::{Inject, March, Project, Propagate, Reduce, Relight, Stage};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -61,6 +61,14 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             surface: full.then(|| buf(8)),
             paths: full.then(|| buf(9)),
             film: buf(10),
+        }),
+        Stage::Inject(Inject {
+            params: Zeroable::zeroed(),
+            base: full.then(|| scalar(0)),
+            blobs: full.then(|| buf(1)),
+            starts: full.then(|| buf(2)),
+            list: full.then(|| buf(3)),
+            out: buf(4),
         }),
     ]
 }
