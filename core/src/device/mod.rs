@@ -4,6 +4,7 @@
 //! of [`Stage`]s in order. It knows nothing of scenes, estimators or caching. A backend exports a [`Provider`].
 
 mod bytes;
+mod check;
 mod decorate;
 mod kernel;
 mod resource;
