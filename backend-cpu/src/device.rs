@@ -68,6 +68,7 @@ impl CpuDevice {
                 binding_bytes: memory_bytes.unwrap_or(isize::MAX as u64),
                 // Kernels index the texels of a layer with 31 bits; `create` checks the product.
                 field_side: i32::MAX as u32,
+                loop_turns: None,
             },
             features: vec![format!("{cores} threads"), isa.name().to_owned()],
             filter_bits: 24,

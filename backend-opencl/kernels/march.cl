@@ -2,6 +2,8 @@
 
 // One view ray.
 typedef struct {
+    float3 direction;
+    Ray ray;
     float3 radiance;
     float3 transmittance;
     // Light stopped so far, and the same weighed with its distance.
@@ -25,7 +27,10 @@ typedef struct {
     float3 emission;
 } Optics;
 
-Path walk(const Bound *bound, float3 direction, float limit);
+Path enter(const Bound *bound, float3 direction, float limit);
+void resume(const Bound *bound, Path *path, size_t pixel);
+void keep(const Bound *bound, const Path *path, size_t pixel);
+void walk(const Bound *bound, Path *path);
 uint4 blocks(const Bound *bound);
 float3 gathered(const Bound *bound, float3 at, const float *basis);
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
@@ -72,12 +77,30 @@ void run_march(const Bound *bound) {
     float3 transmitted = (float3)(0.0f);
     float stopped = 0.0f;
     float stopped_at = 0.0f;
-    for (uint s = 0u; s < bound->params->samples; s++) {
+    if (bound->params->sample_begin > 0u) {
+        // The sums of the passes before.
+        float4 sums = bound->film[2u * pixel];
+        float4 more = bound->film[2u * pixel + 1u];
+        color = sums.xyz;
+        stopped = sums.w;
+        transmitted = more.xyz;
+        stopped_at = more.w;
+    }
+    bool ends = bound->params->step_end == ALL_STEPS;
+    for (uint s = bound->params->sample_begin; s < bound->params->sample_end; s++) {
         float a = (convert_float(x) + bound->tables[2u * s]) * (2.0f / convert_float(width)) - 1.0f;
         float b = 1.0f - (convert_float(y) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(height));
         float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
         float3 direction = toward / sqrt(dot(toward, toward));
-        Path path = walk(bound, direction, limit);
+        Path path = enter(bound, direction, limit);
+        if (has_paths && bound->params->step_begin > 0u) {
+            resume(bound, &path, pixel);
+        }
+        walk(bound, &path);
+        if (has_paths && !ends) {
+            keep(bound, &path, pixel);
+            return;
+        }
         float3 behind = (float3)(0.0f);
         if (limit < FAR) {
             behind = bound->surface[pixel].xyz;
@@ -89,6 +112,11 @@ void run_march(const Bound *bound) {
         stopped += path.stopped;
         stopped_at += path.stopped_at;
     }
+    if (bound->params->sample_end < bound->params->samples) {
+        bound->film[2u * pixel] = (float4)(color, stopped);
+        bound->film[2u * pixel + 1u] = (float4)(transmitted, stopped_at);
+        return;
+    }
     float scale = 1.0f / convert_float(bound->params->samples);
     float mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0f);
     float depth = stopped > 0.0f ? stopped_at / stopped : INFINITY;
@@ -96,15 +124,40 @@ void run_march(const Bound *bound) {
     bound->film[2u * pixel + 1u] = (float4)(transmitted * scale, depth);
 }
 
-Path walk(const Bound *bound, float3 direction, float limit) {
-    int3 size = convert_int3(bound->params->dims.xyz);
+// The path along `direction` before its first step.
+Path enter(const Bound *bound, float3 direction, float limit) {
     float3 index = to_index(bound, direction);
-    Ray ray = through(bound->params->eye.xyz, index, convert_float3(size), limit, bound->params->step);
     Path path;
+    path.direction = direction;
+    path.ray = through(bound->params->eye.xyz, index, convert_float3(bound->params->dims.xyz), limit, bound->params->step);
     path.radiance = (float3)(0.0f);
     path.transmittance = (float3)(1.0f);
     path.stopped = 0.0f;
     path.stopped_at = 0.0f;
+    return path;
+}
+
+// The path as an earlier pass left it.
+void resume(const Bound *bound, Path *path, size_t pixel) {
+    float4 light = bound->paths[2u * pixel];
+    float4 through = bound->paths[2u * pixel + 1u];
+    path->radiance = light.xyz;
+    path->stopped = light.w;
+    path->transmittance = through.xyz;
+    path->stopped_at = through.w;
+}
+
+// Leaves the path to the next pass.
+void keep(const Bound *bound, const Path *path, size_t pixel) {
+    bound->paths[2u * pixel] = (float4)(path->radiance, path->stopped);
+    bound->paths[2u * pixel + 1u] = (float4)(path->transmittance, path->stopped_at);
+}
+
+// The steps of this pass.
+void walk(const Bound *bound, Path *path) {
+    int3 size = convert_int3(bound->params->dims.xyz);
+    float3 direction = path->direction;
+    const Ray ray = path->ray;
     // Y_k of the direction, where the in-scatter has layers.
     float basis[HARMONICS_MAX];
     if (bound->params->cells.w > 1u) {
@@ -115,9 +168,10 @@ Path walk(const Bound *bound, float3 direction, float limit) {
     bool scatters = albedo.x + albedo.y + albedo.z > 0.0f;
     bool grey = sigma.x == sigma.y && sigma.x == sigma.z;
     uint4 grid = blocks(bound);
-    float k = 0.0f;
-    while (k < ray.steps) {
-        float3 transmittance = path.transmittance;
+    float last = fmin(ray.steps, convert_float(bound->params->step_end));
+    float k = convert_float(bound->params->step_begin);
+    while (k < last) {
+        float3 transmittance = path->transmittance;
         if (max(max(transmittance.x, transmittance.y), transmittance.z) < bound->params->cut) {
             break;
         }
@@ -142,15 +196,14 @@ Path walk(const Bound *bound, float3 direction, float limit) {
         float2 blue = grey ? red : segment(extinction.z * ray.step);
         float3 mean = (float3)(red.y, green.y, blue.y);
         float3 sent = extinction * here.albedo * light + here.emission;
-        path.radiance += transmittance * ray.step * mean * sent;
+        path->radiance += transmittance * ray.step * mean * sent;
         float3 stopped = transmittance * (extinction * ray.step * mean);
-        path.transmittance = transmittance * (float3)(red.x, green.x, blue.x);
+        path->transmittance = transmittance * (float3)(red.x, green.x, blue.x);
         float share = stopped.x + stopped.y + stopped.z;
-        path.stopped += share;
-        path.stopped_at += share * t;
+        path->stopped += share;
+        path->stopped_at += share * t;
         k += 1.0f;
     }
-    return path;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.

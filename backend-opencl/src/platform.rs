@@ -159,6 +159,7 @@ fn describe(index: usize, found: &Found) -> DeviceInfo {
             binding_bytes: largest,
             // Kernels count texels of a slab with 31 bits; that product is checked where a field is made.
             field_side: i32::MAX as u32,
+            loop_turns: None,
         },
         features,
         filter_bits: 24,

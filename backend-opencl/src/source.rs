@@ -119,6 +119,7 @@ static MARCH: Source = Source {
         ("tables", "float"),
         ("environment", "float4"),
         ("surface", "float4"),
+        ("paths", "float4"),
         ("film", "float4"),
     ],
     per_field: &[FIELD],
@@ -246,6 +247,7 @@ impl Source {
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
             ("BLOCK", March::BLOCK),
+            ("ALL_STEPS", March::ALL_STEPS),
             ("HARMONICS_MAX", MAX_HARMONICS),
         ] {
             let _ = writeln!(out, "#define {name} {value}u");

@@ -5,7 +5,8 @@
 @group(1) @binding(5) var<storage, read> tables: array<f32>;
 @group(1) @binding(6) var<storage, read> environment: array<vec4<f32>>;
 @group(1) @binding(7) var<storage, read> surface: array<vec4<f32>>;
-@group(1) @binding(8) var<storage, read_write> film: array<vec4<f32>>;
+@group(1) @binding(8) var<storage, read_write> paths: array<vec4<f32>>;
+@group(1) @binding(9) var<storage, read_write> film: array<vec4<f32>>;
 
 fn phase_value(i: u32) -> f32 {
     return tables[params.phase_at + i];
@@ -53,12 +54,30 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     var transmitted = vec3<f32>(0.0);
     var stopped = 0.0;
     var stopped_at = 0.0;
-    for (var s = 0u; s < params.samples; s++) {
+    if params.sample_begin > 0u {
+        // The sums of the passes before.
+        let sums = film[2u * pixel];
+        let more = film[2u * pixel + 1u];
+        color = sums.xyz;
+        stopped = sums.w;
+        transmitted = more.xyz;
+        stopped_at = more.w;
+    }
+    let ends = params.step_end == ALL_STEPS;
+    for (var s = params.sample_begin; s < params.sample_end; s++) {
         let a = (f32(x) + tables[2u * s]) * (2.0 / f32(params.width)) - 1.0;
         let b = 1.0 - (f32(y) + tables[2u * s + 1u]) * (2.0 / f32(params.height));
         let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
         let direction = toward / length(toward);
-        let path = walk(direction, limit);
+        var path = enter(direction, limit);
+        if has_paths && params.step_begin > 0u {
+            resume(&path, pixel);
+        }
+        walk(&path);
+        if has_paths && !ends {
+            keep(path, pixel);
+            return;
+        }
         var behind = vec3<f32>(0.0);
         if limit < FAR {
             behind = surface[pixel].xyz;
@@ -70,6 +89,11 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         stopped += path.stopped;
         stopped_at += path.stopped_at;
     }
+    if params.sample_end < params.samples {
+        film[2u * pixel] = vec4<f32>(color, stopped);
+        film[2u * pixel + 1u] = vec4<f32>(transmitted, stopped_at);
+        return;
+    }
     let scale = 1.0 / f32(params.samples);
     let mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0);
     var depth = launch.infinity;
@@ -80,10 +104,33 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     film[2u * pixel + 1u] = vec4<f32>(transmitted * scale, depth);
 }
 
-fn walk(direction: vec3<f32>, limit: f32) -> Path {
-    let size = vec3<i32>(params.dims.xyz);
+// The path along `direction` before its first step.
+fn enter(direction: vec3<f32>, limit: f32) -> Path {
     let ray = through(params.eye.xyz, to_index(direction), vec3<f32>(params.dims.xyz), limit, params.step);
-    var path = Path(direction, ray, vec3<f32>(0.0), vec3<f32>(1.0), 0.0, 0.0);
+    return Path(direction, ray, vec3<f32>(0.0), vec3<f32>(1.0), 0.0, 0.0);
+}
+
+// The path as an earlier pass left it.
+fn resume(path: ptr<function, Path>, pixel: u32) {
+    let light = paths[2u * pixel];
+    let through = paths[2u * pixel + 1u];
+    (*path).radiance = light.xyz;
+    (*path).stopped = light.w;
+    (*path).transmittance = through.xyz;
+    (*path).stopped_at = through.w;
+}
+
+// Leaves the path to the next pass.
+fn keep(path: Path, pixel: u32) {
+    paths[2u * pixel] = vec4<f32>(path.radiance, path.stopped);
+    paths[2u * pixel + 1u] = vec4<f32>(path.transmittance, path.stopped_at);
+}
+
+// The steps of this pass.
+fn walk(path: ptr<function, Path>) {
+    let size = vec3<i32>(params.dims.xyz);
+    let direction = (*path).direction;
+    let ray = (*path).ray;
     // Y_k of the direction, where the in-scatter has layers.
     var basis: array<f32, HARMONICS_MAX>;
     if params.cells.w > 1u {
@@ -91,9 +138,10 @@ fn walk(direction: vec3<f32>, limit: f32) -> Path {
     }
     let scatters = params.albedo.x + params.albedo.y + params.albedo.z > 0.0;
     let grid = blocks();
-    var k = 0.0;
-    while k < ray.steps {
-        let transmittance = path.transmittance;
+    let last = min(ray.steps, f32(params.step_end));
+    var k = f32(params.step_begin);
+    while k < last {
+        let transmittance = (*path).transmittance;
         if max(max(transmittance.x, transmittance.y), transmittance.z) < params.cut {
             break;
         }
@@ -116,15 +164,14 @@ fn walk(direction: vec3<f32>, limit: f32) -> Path {
             let extinction = here.extinction[c];
             let piece = segment(extinction * ray.step);
             let sent = extinction * here.albedo[c] * light[c] + here.emission[c];
-            path.radiance[c] += transmittance[c] * ray.step * piece.y * sent;
+            (*path).radiance[c] += transmittance[c] * ray.step * piece.y * sent;
             share += transmittance[c] * (extinction * ray.step * piece.y);
-            path.transmittance[c] = transmittance[c] * piece.x;
+            (*path).transmittance[c] = transmittance[c] * piece.x;
         }
-        path.stopped += share;
-        path.stopped_at += share * t;
+        (*path).stopped += share;
+        (*path).stopped_at += share * t;
         k += 1.0;
     }
-    return path;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.

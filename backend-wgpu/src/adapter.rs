@@ -80,6 +80,8 @@ fn describe(index: usize, adapter: &Adapter) -> DeviceInfo {
             buffer_bytes: limits.max_buffer_size,
             binding_bytes: limits.max_storage_buffer_binding_size,
             field_side: limits.max_texture_dimension_3d.min(SIDE),
+            // Mesa's software driver leaves all loops of an invocation after so many turns, without a word.
+            loop_turns: (info.driver == "llvmpipe").then_some(65_535),
         },
         features,
         // Kernels interpolate themselves: a texture unit's weights have 8 bits.

@@ -231,6 +231,7 @@ impl Source {
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
             ("BLOCK", March::BLOCK),
+            ("ALL_STEPS", March::ALL_STEPS),
             ("HARMONICS_MAX", harmonics),
         ] {
             let _ = writeln!(out, "const {name}: u32 = {value}u;");

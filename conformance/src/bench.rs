@@ -12,6 +12,9 @@ use libtest_mimic::Failed;
 use crate::Subject;
 use crate::compare::same_bits;
 
+/// Turns of loops that a stage is held to: enough for whole rays of some sets, for single steps of others.
+const TURNS: [u64; 3] = [4000, 600, 100];
+
 /// A device with the resources of a few stages.
 pub(crate) struct Bench {
     pub(crate) device: Box<dyn Device>,
@@ -67,38 +70,56 @@ impl Bench {
     }
 
     /// Runs a stage as one piece over outputs filled with values that are not numbers, so that what it does not write
-    /// shows; then again in uneven pieces, in disorder, which must give the same bits.
+    /// shows; then again in uneven pieces, in disorder, and in passes of few turns of loops, each in pieces. All must
+    /// give the same bits.
     pub(crate) fn run(&mut self, stage: &Stage) -> Result<(), Failed> {
         stage.validate()?;
         let axis = stage.axis();
         let (first, second, third) = (axis / 5, axis / 2, axis - axis / 7);
-        let whole = self.pieces(stage, std::slice::from_ref(&(0..axis)))?;
-        let parts = self.pieces(stage, &[second..third, 0..first, third..axis, first..first, first..second])?;
-        for (whole, parts) in whole.iter().zip(&parts) {
-            same_bits(&format!("{} in pieces", stage.name()), whole, parts)?;
+        let ranges = [second..third, 0..first, third..axis, first..first, first..second];
+        let whole = self.pieces(std::slice::from_ref(stage), std::slice::from_ref(&(0..axis)))?;
+        let same = |how: String, found: &[Vec<f32>]| {
+            let mut pairs = whole.iter().zip(found);
+            pairs.try_for_each(|(whole, found)| same_bits(&format!("{} {how}", stage.name()), whole, found))
+        };
+        same("in pieces".into(), &self.pieces(std::slice::from_ref(stage), &ranges)?)?;
+        for turns in TURNS {
+            // What cannot be cut so far need not be.
+            let Ok(passes) = stage.passes(turns) else { continue };
+            if passes.len() > 1 {
+                same(format!("in {} passes", passes.len()), &self.pieces(&passes, &ranges)?)?;
+            }
         }
         Ok(())
     }
 
-    fn pieces(&mut self, stage: &Stage, ranges: &[Range<u32>]) -> Result<Vec<Vec<f32>>, Failed> {
+    /// Runs the passes of a stage, each in ranges, and reads what they leave.
+    fn pieces(&mut self, passes: &[Stage], ranges: &[Range<u32>]) -> Result<Vec<Vec<f32>>, Failed> {
         let mut written = Vec::new();
-        for binding in stage.bindings() {
+        let name = passes[0].name();
+        for binding in passes[0].bindings() {
             if let Binding { id: Some(id), access: BindingAccess::Write(bytes), .. } = binding {
                 let buf = Buf::<f32>::new(id, bytes / 4);
                 self.device.write(id, 0, bytemuck::cast_slice(&vec![f32::NAN; buf.len as usize]))?;
-                written.push(buf);
+                // What passes leave to each other is no result.
+                if binding.name != "paths" {
+                    written.push(buf);
+                }
             }
         }
-        for range in ranges {
-            self.device.dispatch(stage, range.clone())?;
+        for stage in passes {
+            for range in ranges {
+                self.device.dispatch(stage, range.clone())?;
+            }
         }
         let times = self.device.finish()?;
-        if times.len() != ranges.len() {
-            return Err(format!("{} times for {} dispatches of {}", times.len(), ranges.len(), stage.name()).into());
+        let dispatched: Vec<_> = passes.iter().flat_map(|_| ranges).collect();
+        if times.len() != dispatched.len() {
+            return Err(format!("{} times for {} dispatches of {name}", times.len(), dispatched.len()).into());
         }
-        for (time, range) in times.iter().zip(ranges) {
-            if time.stage != stage.name() || time.range != *range {
-                return Err(format!("a time of {} {:?} for {} {range:?}", time.stage, time.range, stage.name()).into());
+        for (time, range) in times.iter().zip(dispatched) {
+            if time.stage != name || time.range != *range {
+                return Err(format!("a time of {} {:?} for {name} {range:?}", time.stage, time.range).into());
             }
         }
         written.into_iter().map(|buf| self.read(buf)).collect()

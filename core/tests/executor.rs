@@ -50,7 +50,7 @@ impl Bookkeeper {
             name: "bookkeeper".into(),
             kind: DeviceKind::Other,
             memory_bytes,
-            limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048 },
+            limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048, loop_turns: None },
             features: Vec::new(),
             filter_bits: 24,
         };

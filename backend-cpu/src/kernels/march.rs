@@ -33,15 +33,18 @@ struct Inputs<'a> {
     grey: bool,
 }
 
-/// The film of sixteen pixels.
+/// What is kept of sixteen pixels: the film, which holds sums between passes, and the path where rays are cut.
 struct Pixels {
-    color: [F; 4],
-    behind: [F; 4],
+    film: [[F; 4]; 2],
+    path: [[F; 4]; 2],
 }
 
 pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.film)?;
-    let (mut out, read) = memory.split();
+    if let Some(paths) = stage.paths {
+        memory.take(paths)?;
+    }
+    let (out, read) = memory.split();
     let p = &stage.params;
     let density = Texels::new(read.field(stage.density)?, p.dims);
     let tables = read.buf(stage.tables)?;
@@ -71,45 +74,94 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         surface: read.opt(stage.surface)?,
         grey: p.extinction[0] == p.extinction[1] && p.extinction[1] == p.extinction[2],
     };
-    let film: &mut [[[f32; 4]; 2]] = bytemuck::cast_slice_mut(out.remove(0));
+    let mut out = out.into_iter().map(|bytes| bytemuck::cast_slice_mut::<u8, Kept>(bytes));
+    let (film, paths) = (out.next().unwrap_or_default(), out.next().unwrap_or_default());
     let (width, height) = (p.width as usize, p.height as usize);
     let across = width.div_ceil(BLOCK);
     // Whole rows of blocks are disjoint parts of the film; a task takes one row's blocks within the range.
     let (first, last) = (range.start as usize / across, (range.end as usize).div_ceil(across));
-    let rows = &mut film[first * BLOCK * width..(last * BLOCK).min(height) * width];
+    let span = first * BLOCK * width..(last * BLOCK).min(height) * width;
+    let film = &mut film[span.clone()];
+    let mut paths = paths.get_mut(span).unwrap_or_default().chunks_mut(BLOCK * width);
+    let rows: Vec<Rows<'_>> = film
+        .chunks_mut(BLOCK * width)
+        .map(|film| Rows { film, paths: paths.next().unwrap_or_default(), width })
+        .collect();
     let whole = first * across == range.start as usize && last * across == range.end as usize;
-    rows.par_chunks_mut(BLOCK * width).enumerate().for_each(|(n, rows)| {
+    rows.into_par_iter().enumerate().for_each(|(n, mut rows)| {
         let row = first + n;
         let blocks = (0..across).filter(|x| whole || range.contains(&((row * across + x) as u32)));
         // Blocks of one row are independent too: with few rows the cores would otherwise idle.
         let done: Vec<(usize, Block)> = blocks
             .collect::<Vec<_>>()
             .into_par_iter()
-            .map(|x| (x, block(&inputs, isa, [x * BLOCK, row * BLOCK])))
+            .map(|x| (x, block(&inputs, isa, [x * BLOCK, row * BLOCK], &rows)))
             .collect();
         for (x, block) in done {
-            for (j, line) in rows.chunks_exact_mut(width).enumerate() {
-                let from = x * BLOCK;
-                let count = BLOCK.min(width - from);
-                line[from..from + count].copy_from_slice(&block[j][..count]);
-            }
+            rows.store(x * BLOCK, &block);
         }
     });
     Ok(())
 }
 
-/// The film of a block, row by row.
-type Block = [[[[f32; 4]; 2]; BLOCK]; BLOCK];
+/// Two vectors of a pixel: of the film, or of the path.
+type Kept = [[f32; 4]; 2];
 
-fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2]) -> Block {
+/// Film and path of a block's pixels, row by row.
+type Block = [[[Kept; 2]; BLOCK]; BLOCK];
+
+/// The pixels of a row of blocks; no paths where rays are not cut.
+struct Rows<'a> {
+    film: &'a mut [Kept],
+    paths: &'a mut [Kept],
+    width: usize,
+}
+
+impl Rows<'_> {
+    /// What earlier passes left of the block whose first column is `x`.
+    fn load(&self, x: usize, block: &mut Block) {
+        let count = BLOCK.min(self.width - x);
+        for (j, line) in self.film.chunks_exact(self.width).enumerate() {
+            (0..count).for_each(|i| block[j][i][0] = line[x + i]);
+        }
+        for (j, line) in self.paths.chunks_exact(self.width).enumerate() {
+            (0..count).for_each(|i| block[j][i][1] = line[x + i]);
+        }
+    }
+
+    fn store(&mut self, x: usize, block: &Block) {
+        let count = BLOCK.min(self.width - x);
+        for (j, line) in self.film.chunks_exact_mut(self.width).enumerate() {
+            (0..count).for_each(|i| line[x + i] = block[j][i][0]);
+        }
+        for (j, line) in self.paths.chunks_exact_mut(self.width).enumerate() {
+            (0..count).for_each(|i| line[x + i] = block[j][i][1]);
+        }
+    }
+}
+
+fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], rows: &Rows<'_>) -> Block {
     let mut block = Block::default();
+    if inputs.p.sample_begin > 0 || inputs.p.step_begin > 0 {
+        rows.load(corner[0], &mut block);
+    }
     for packet in 0..(BLOCK / SIDE) * (BLOCK / SIDE) {
         let at = [packet % (BLOCK / SIDE) * SIDE, packet / (BLOCK / SIDE) * SIDE];
-        let mut pixels = Pixels { color: [F::ZERO; 4], behind: [F::ZERO; 4] };
+        let pixel = |i: usize| (at[1] + i / SIDE, at[0] + i % SIDE);
+        let load = |part: usize, half: usize| {
+            [0, 1, 2, 3].map(|c| {
+                F(std::array::from_fn(|i| {
+                    let (y, x) = pixel(i);
+                    block[y][x][part][half][c]
+                }))
+            })
+        };
+        let mut pixels = Pixels { film: [load(0, 0), load(0, 1)], path: [load(1, 0), load(1, 1)] };
         let (place, out) = ([corner[0] + at[0], corner[1] + at[1]], &mut pixels);
         compiled_for!(isa, march(inputs: &Inputs<'_>, place: [usize; 2], out: &mut Pixels));
         for i in 0..LANES {
-            block[at[1] + i / SIDE][at[0] + i % SIDE] = [pixels.color.map(|c| c.0[i]), pixels.behind.map(|c| c.0[i])];
+            let (y, x) = pixel(i);
+            block[y][x] = [pixels.film, pixels.path].map(|kept| kept.map(|v| v.map(|c| c.0[i])));
         }
     }
     block
@@ -131,14 +183,27 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
     let (mut color, mut through) = ([F::ZERO; 3], [F::ZERO; 3]);
     let (mut stopped, mut stopped_at) = (F::ZERO, F::ZERO);
-    for s in 0..p.samples as usize {
+    if p.sample_begin > 0 {
+        // The sums of the passes before.
+        [color[0], color[1], color[2], stopped] = out.film[0];
+        [through[0], through[1], through[2], stopped_at] = out.film[1];
+    }
+    let ends = p.step_end == March::ALL_STEPS;
+    for s in p.sample_begin as usize..p.sample_end as usize {
         let a = (x + inputs.tables[2 * s]) * (2.0 / p.width as f32) - 1.0;
         let b = -((y + inputs.tables[2 * s + 1]) * (2.0 / p.height as f32) - 1.0);
         let d = triple!(c => a * p.right[c] + b * p.up[c] + p.forward[c]);
         let length = dot(d, d).sqrt();
         let d = triple!(c => d[c] / length);
-        let mut path = Path::new(inputs, d, limit);
+        let mut path = Path::enter(inputs, d, limit);
+        if p.step_begin > 0 {
+            path.resume(&out.path);
+        }
         path.walk(inputs);
+        if !ends {
+            out.path = path.keep();
+            return;
+        }
         for c in 0..3 {
             let behind = match &surface {
                 Some(surface) if inputs.environment.is_empty() => {
@@ -154,11 +219,15 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         stopped = stopped + path.stopped;
         stopped_at = stopped_at + path.stopped_at;
     }
+    if p.sample_end < p.samples {
+        out.film = [[color[0], color[1], color[2], stopped], [through[0], through[1], through[2], stopped_at]];
+        return;
+    }
     let scale = 1.0 / p.samples as f32;
     let mean = (through[0] + through[1] + through[2]) * (scale / 3.0);
-    out.color = [color[0] * scale, color[1] * scale, color[2] * scale, F::ONE - mean];
+    let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, F::ONE - mean];
     let depth = stopped.gt(F::ZERO).select(stopped_at / stopped, F::splat(f32::INFINITY));
-    out.behind = [through[0] * scale, through[1] * scale, through[2] * scale, depth];
+    out.film = [beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]];
 }
 
 /// One view ray of each lane.
@@ -175,8 +244,9 @@ struct Path {
 }
 
 impl Path {
+    /// The path along `d` before its first step.
     #[inline(always)]
-    fn new(inputs: &Inputs<'_>, d: [F; 3], limit: F) -> Self {
+    fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F) -> Self {
         let p = inputs.p;
         let index = to_index(p, d);
         let origin = triple!(a => F::splat(p.eye[a]));
@@ -195,12 +265,27 @@ impl Path {
         }
     }
 
+    /// The path as an earlier pass left it.
+    #[inline(always)]
+    fn resume(&mut self, [light, through]: &[[F; 4]; 2]) {
+        [self.radiance[0], self.radiance[1], self.radiance[2], self.stopped] = *light;
+        [self.transmittance[0], self.transmittance[1], self.transmittance[2], self.stopped_at] = *through;
+    }
+
+    /// What the next pass needs of the path.
+    #[inline(always)]
+    fn keep(&self) -> [[F; 4]; 2] {
+        let ([r, g, b], [x, y, z]) = (self.radiance, self.transmittance);
+        [[r, g, b, self.stopped], [x, y, z, self.stopped_at]]
+    }
+
+    /// The steps of this pass.
     #[inline(always)]
     fn walk(&mut self, inputs: &Inputs<'_>) {
         let p = inputs.p;
-        let (last, cut) = (self.ray.steps.max_lane(), F::splat(p.cut));
+        let (last, cut) = (self.ray.steps.max_lane().min(p.step_end as f32), F::splat(p.cut));
         let scatters = p.albedo[0] + p.albedo[1] + p.albedo[2] > 0.0;
-        let mut k = 0.0;
+        let mut k = p.step_begin as f32;
         while k < last {
             let brightest = self.transmittance[0].max(self.transmittance[1]).max(self.transmittance[2]);
             let active = F::splat(k).lt(self.ray.steps).and(brightest.ge(cut));

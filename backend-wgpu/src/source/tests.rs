@@ -50,7 +50,8 @@ fn stages(full: bool) -> [Stage; 4] {
             tables: buf(5),
             environment: full.then(|| buf(6)),
             surface: full.then(|| buf(7)),
-            film: buf(8),
+            paths: full.then(|| buf(8)),
+            film: buf(9),
         }),
     ]
 }

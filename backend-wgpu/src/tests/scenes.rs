@@ -152,6 +152,7 @@ pub(super) fn layered_march(device: &mut dyn Device, in_scatter: Field) -> March
     params.cells = [x, y, z, in_scatter.spec.layers];
     params.cells_per_voxel = [x as f32 / 8.0, y as f32 / 6.0, z as f32 / 10.0, 0.0];
     (params.width, params.height, params.samples) = (19, 11, 1);
+    (params.sample_end, params.step_end) = (1, March::ALL_STEPS);
     (params.step, params.cut) = (0.1, March::CUT);
     (params.bands, params.trilinear, params.harmonics_at) = (2, 1, 2);
     let tables: Vec<f32> = [0.5, 0.5].into_iter().chain(recurrence_table(2)).collect();
@@ -165,6 +166,7 @@ pub(super) fn layered_march(device: &mut dyn Device, in_scatter: Field) -> March
         tables: super::filled(device, 11, &tables),
         environment: None,
         surface: None,
+        paths: None,
         film: super::empty(device, 12, 2 * 19 * 11),
     }
 }

@@ -114,6 +114,7 @@ fn host(set: &Set) -> Host {
     [p.forward, p.right, p.up] = camera.axes().map(|a| rgb(a.as_vec3()));
     (p.extinction, p.albedo, p.emission) = (rgb(optics.extinction), rgb(optics.albedo), rgb(optics.emission));
     (p.width, p.height, p.samples) = (camera.width, camera.height, camera.samples);
+    (p.sample_end, p.step_end) = (p.samples, March::ALL_STEPS);
     (p.step, p.cut, p.light_floor) = (set.step, March::CUT, 1e-4);
     p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { set.dims[a].div_ceil(set.block) } else { set.block });
     p.lights = set.lights.len() as u32;
@@ -183,6 +184,7 @@ pub(super) fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
         tables: bench.buf(&host.tables)?,
         environment: some(&host.environment, |v| bench.buf(v))?,
         surface: some(&host.surface, |v| bench.buf(v))?,
+        paths: Some(bench.room(2 * (host.params.width * host.params.height) as usize, Usage::Work)?),
         film,
     };
     bench.run(&Stage::March(march.clone()))?;

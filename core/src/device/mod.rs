@@ -128,6 +128,8 @@ pub struct Limits {
     pub binding_bytes: u64,
     /// The longest side of a field held in one piece.
     pub field_side: u32,
+    /// How often all loops of one invocation of a kernel may turn together, where the driver bounds that.
+    pub loop_turns: Option<u32>,
 }
 
 /// What a device is and can do.

@@ -112,7 +112,7 @@ impl Executor {
     ) -> Result<(R, Report), E> {
         let Self { device, slots, held, pace, budget, frame } = self;
         *frame += 1;
-        let mut plan = Plan::new(slots, *frame);
+        let mut plan = Plan::new(slots, *frame, device.info().limits.loop_turns);
         let result = build(&mut plan)?;
         let mut run = Run { device: device.as_mut(), held, pace, report: Report::default(), pending: Vec::new() };
         run.allocate(&plan, *budget)?;
@@ -278,27 +278,36 @@ impl Run<'_> {
                 self.device.publish(from, to).map_err(|e| self.fault(&format!("publishing {name}"), e))?;
             }
             Work::Stage(stage) => {
-                stage.validate().map_err(|what| ExecError::Invalid {
+                let invalid = |what| ExecError::Invalid {
                     device: self.device.info().name.clone(),
                     stage: stage.name().to_owned(),
                     what,
-                })?;
-                self.report.stages.push(StageRun { stage: stage.name(), ran: true, time: Duration::ZERO });
-                self.stage(&stage, hooks)?;
+                };
+                stage.validate().map_err(invalid)?;
+                let passes = match self.device.info().limits.loop_turns {
+                    Some(turns) => stage.passes(turns.into()).map_err(invalid)?,
+                    None => vec![*stage],
+                };
+                self.report.stages.push(StageRun { stage: passes[0].name(), ran: true, time: Duration::ZERO });
+                for (number, pass) in passes.iter().enumerate() {
+                    self.pass(pass, [number, passes.len()], hooks)?;
+                }
             }
         }
         Ok(())
     }
 
-    /// Dispatches a stage, in pieces where it is long. The first time, a small piece is waited for to learn the pace.
-    fn stage(&mut self, stage: &Stage, hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
+    /// Dispatches one of so many passes of a stage, in pieces where it is long. The first time, a small piece is waited
+    /// for to learn the pace.
+    fn pass(&mut self, stage: &Stage, [number, of]: [usize; 2], hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
         let (name, axis) = (stage.name(), stage.axis());
         let mut say = |done: u32| -> Result<(), ExecError> {
             if hooks.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
                 return Err(ExecError::Cancelled);
             }
             if let Some(progress) = &mut hooks.progress {
-                progress(Progress { stage: name, done: done as f32 / axis.max(1) as f32 });
+                let done = (number as f32 + done as f32 / axis.max(1) as f32) / of as f32;
+                progress(Progress { stage: name, done });
             }
             Ok(())
         };

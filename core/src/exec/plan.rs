@@ -70,18 +70,20 @@ pub struct Plan<'a> {
     pub(super) states: Vec<String>,
     /// Bytes that the host takes for itself while the plan runs and after.
     pub(super) host: u64,
+    loop_turns: Option<u32>,
     keys: HashMap<ResourceId, Key>,
     frame: u64,
 }
 
 impl<'a> Plan<'a> {
-    pub(super) fn new(slots: &'a mut Slots, frame: u64) -> Self {
+    pub(super) fn new(slots: &'a mut Slots, frame: u64, loop_turns: Option<u32>) -> Self {
         Self {
             slots,
             nodes: Vec::new(),
             declared: HashMap::new(),
             states: Vec::new(),
             host: 0,
+            loop_turns,
             keys: HashMap::new(),
             frame,
         }
@@ -92,6 +94,12 @@ impl<'a> Plan<'a> {
         let earlier = self.declared.insert(id, Declared { spec, reset });
         assert!(earlier.is_none(), "two resources of one plan are named {slot}");
         id
+    }
+
+    /// How often all loops of one invocation may turn together on the device, where its driver bounds that. A stage
+    /// that would exceed it runs in passes, for which it may need buffers of its own.
+    pub fn loop_turns(&self) -> Option<u32> {
+        self.loop_turns
     }
 
     /// Counts bytes that the host needs beside the plan's resources, so that they are known to be there where host

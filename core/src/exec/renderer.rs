@@ -186,7 +186,8 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     // The film as the caller gets it.
     plan.host(pixels * size_of::<[[f32; 4]; 2]>() as u64);
-    let march = March {
+    (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);
+    let mut march = March {
         params,
         density: medium.density,
         emission: medium.emission.field(),
@@ -196,8 +197,12 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
         tables: plan.table("march tables", tables),
         environment,
         surface: None,
+        paths: None,
         film: plan.output("film", 2 * pixels),
     };
+    if plan.loop_turns().is_some_and(|turns| march.keeps_paths(turns.into())) {
+        march.paths = Some(plan.work("paths", 2 * pixels));
+    }
     let film = march.film;
     plan.stage(Stage::March(march));
     film

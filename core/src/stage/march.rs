@@ -15,9 +15,17 @@
 //! distance of what the medium stops, infinite where it stops nothing. Both are means over the sub-pixel positions.
 //!
 //! The work axis is the blocks of 8×8 pixels, row by row.
+//!
+//! In passes, the film holds sums until the last one: RGB and the distance's weight, transmittance and the weighted
+//! distance. A pass takes some sub-pixel positions, or, with `paths`, some steps of one.
+
+use std::ops::Range;
+
+use glam::{DMat3, DVec3};
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
+
 use crate::stage::grid::is_scalar;
 use crate::stage::{Kernel, PhaseParams, require};
 
@@ -88,6 +96,14 @@ kernel_struct! {
         phase_at: U32,
         /// Entries of the phase function's table.
         phase_size: U32,
+        /// First sub-pixel position of this pass.
+        sample_begin: U32,
+        /// One past the last sub-pixel position of this pass.
+        sample_end: U32,
+        /// First step of this pass.
+        step_begin: U32,
+        /// One past the last step of this pass; [`March::ALL_STEPS`] where rays end in it.
+        step_end: U32,
     }
 }
 
@@ -134,6 +150,9 @@ pub struct March {
     pub environment: Option<Buf<[f32; 4]>>,
     /// Radiance of the surface behind each pixel, RGB, and its distance along the ray in metres (infinite for none).
     pub surface: Option<Buf<[f32; 4]>>,
+    /// Where rays are kept between passes, two vectors a pixel: radiance and light stopped so far, transmittance and
+    /// the same weighed with its distance. Needed only where a pass is a part of a ray.
+    pub paths: Option<Buf<[f32; 4]>>,
     /// Two vectors a pixel.
     pub film: Buf<[f32; 4]>,
 }
@@ -144,9 +163,54 @@ impl March {
     /// Transmittance below which a ray ends.
     pub const CUT: f32 = 1e-4;
 
+    /// `step_end` of a pass in which rays end.
+    pub const ALL_STEPS: u32 = u32::MAX;
+
+    /// Whether keeping to `turns` turns of all loops takes passes that are parts of rays, and so [`March::paths`].
+    pub fn keeps_paths(&self, turns: u64) -> bool {
+        self.turns().ray() >= turns
+    }
+
+    fn turns(&self) -> Turns {
+        let p = &self.params;
+        let row = |r: [f32; 4]| DVec3::new(r[0].into(), r[1].into(), r[2].into());
+        // Metres of a voxel's edges: the inverse of the map from metres to voxels.
+        let world = DMat3::from_cols(row(p.index_x), row(p.index_y), row(p.index_z)).transpose().inverse();
+        let edges = [0, 1, 2].map(|a| world.col(a) * f64::from(p.dims[a]));
+        let diagonals = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        let longest =
+            diagonals.iter().map(|(y, z)| (edges[0] + y * edges[1] + z * edges[2]).length()).fold(0.0, f64::max);
+        // Casting saturates, and rounding may add a step.
+        let steps = ((longest / f64::from(p.step)).ceil() as u64).saturating_add(2);
+        let layers = if p.cells[3] > 1 { u64::from(p.cells[3]) } else { 0 };
+        let column = if p.shadow == shadow_kind::MARCH { steps } else { 0 };
+        // Of a step: itself, the channels, the layers, the lights with their columns.
+        let step = (layers + 4).saturating_add(u64::from(p.lights).saturating_mul(column.saturating_add(1)));
+        // Of a ray: itself and the harmonics of its direction, one turn a coefficient and two a band at the most.
+        Turns { steps, step, ray: 1 + layers + 2 * u64::from(p.bands) }
+    }
+
     /// Blocks along x and y.
     pub fn blocks(&self) -> [u32; 2] {
         [self.params.width.div_ceil(Self::BLOCK), self.params.height.div_ceil(Self::BLOCK)]
+    }
+}
+
+/// How often loops turn, at the most.
+#[derive(Clone, Copy, Debug)]
+struct Turns {
+    /// Steps of a ray.
+    steps: u64,
+    /// Turns a step.
+    step: u64,
+    /// Turns a ray beside its steps.
+    ray: u64,
+}
+
+impl Turns {
+    /// Of a whole ray.
+    fn ray(self) -> u64 {
+        self.steps.saturating_mul(self.step).saturating_add(self.ray)
     }
 }
 
@@ -168,6 +232,7 @@ impl Kernel for March {
             Binding::read("tables", Some(self.tables)),
             Binding::read("environment", self.environment),
             Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row),
+            Binding::write("paths", self.paths).in_parts::<[f32; 4]>(2 * row),
             Binding::write("film", Some(self.film)).in_parts::<[f32; 4]>(2 * row),
         ]
     }
@@ -204,6 +269,16 @@ impl Kernel for March {
         }
         let mut table = 2 * u64::from(p.samples);
         require!(p.samples > 0, "no samples");
+        let (samples, steps) = (p.sample_begin..p.sample_end, p.step_begin..p.step_end);
+        require!(!samples.is_empty() && samples.end <= p.samples, "samples {samples:?} of {}", p.samples);
+        require!(!steps.is_empty(), "steps {steps:?}");
+        require!(self.paths.is_none_or(|b| b.len >= 2 * pixels), "paths of fewer than {pixels} pixels");
+        let whole = steps == (0..Self::ALL_STEPS);
+        require!(
+            whole || (samples.len() == 1 && self.paths.is_some()),
+            "a part of {} rays without paths",
+            samples.len()
+        );
         if let Some(field) = self.in_scatter {
             let [cells @ .., layers] = p.cells;
             let spec = field.spec;
@@ -235,5 +310,119 @@ impl Kernel for March {
             );
         }
         Ok(())
+    }
+
+    fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
+        let (each, samples) = (self.turns(), self.params.samples);
+        let pass = |samples: Range<u32>, steps: Range<u32>| {
+            let mut pass = self.clone();
+            (pass.params.sample_begin, pass.params.sample_end) = (samples.start, samples.end);
+            (pass.params.step_begin, pass.params.step_end) = (steps.start, steps.end);
+            pass
+        };
+        // The loop over the samples turns too.
+        let rays = turns / each.ray().saturating_add(1);
+        if rays > 0 {
+            let rays = rays.min(samples.into()) as u32;
+            let begins = (0..samples).step_by(rays as usize);
+            return Ok(begins.map(|s| pass(s..(s + rays).min(samples), 0..Self::ALL_STEPS)).collect());
+        }
+        let steps = turns.saturating_sub(each.ray + 1) / each.step;
+        require!(
+            steps > 0,
+            "one view step takes up to {} turns of loops, and {turns} are allowed: fewer lights, a longer step or a \
+             smaller medium need less",
+            each.step
+        );
+        require!(self.paths.is_some(), "rays of up to {} turns of loops, without paths", each.ray());
+        require!(each.steps < u64::from(Self::ALL_STEPS), "rays of up to {} steps", each.steps);
+        let begins = || (0..each.steps).step_by(steps as usize).map(|k| k as u32);
+        let end = |k: u32| if u64::from(k) + steps >= each.steps { Self::ALL_STEPS } else { k + steps as u32 };
+        Ok((0..samples).flat_map(|s| begins().map(move |k| (s, k))).map(|(s, k)| pass(s..s + 1, k..end(k))).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{FieldSpec, ResourceId};
+    use bytemuck::Zeroable;
+
+    /// Rays of up to 44 steps (the box's diagonal is 1.3 m and a step 31 mm), two lights with columns.
+    fn march(samples: u32) -> March {
+        let mut params = MarchParams::zeroed();
+        params.dims = [8, 6, 10, 0];
+        // Voxels of 0.1, 0.05 and 0.1 m, turned about z.
+        (params.index_x, params.index_y) = ([6.0, 8.0, 0.0, 0.0], [-16.0, 12.0, 0.0, 0.0]);
+        params.index_z = [0.0, 0.0, 10.0, 0.0];
+        (params.width, params.height, params.samples) = (3, 2, samples);
+        (params.sample_end, params.step_end) = (samples, March::ALL_STEPS);
+        params.step = 0.031;
+        (params.lights, params.shadow) = (2, shadow_kind::MARCH);
+        let spec = FieldSpec { dims: [8, 6, 10], layers: 1, format: FieldFormat::Scalar };
+        March {
+            params,
+            density: Field { id: ResourceId(0), spec },
+            emission: None,
+            in_scatter: None,
+            occupancy: None,
+            lights: Some(Buf::new(ResourceId(1), 2)),
+            tables: Buf::new(ResourceId(2), 2 * u64::from(samples)),
+            environment: None,
+            surface: None,
+            paths: Some(Buf::new(ResourceId(3), 12)),
+            film: Buf::new(ResourceId(4), 12),
+        }
+    }
+
+    #[test]
+    fn rays_are_as_long_as_the_box_is_across() {
+        let longest = (0.8f64.powi(2) + 0.3f64.powi(2) + 1.0).sqrt();
+        assert_eq!(march(1).turns().steps, (longest / 0.031).ceil() as u64 + 2);
+    }
+
+    #[test]
+    fn passes_take_every_step_of_every_sample_once_and_keep_to_their_turns() {
+        for samples in [1, 7] {
+            let march = march(samples);
+            let each = march.turns();
+            for turns in
+                [each.step + each.ray + 1, 1000, 3000, each.ray(), each.ray() + 1, 3 * each.ray() + 3, u64::MAX]
+            {
+                let passes = march.passes(turns).unwrap();
+                let mut next = (0, 0);
+                for pass in &passes {
+                    assert_eq!(pass.validate(), Ok(()));
+                    let p = &pass.params;
+                    assert_eq!((p.sample_begin, p.step_begin), next);
+                    let steps = u64::from(p.step_end).min(each.steps) - u64::from(p.step_begin);
+                    let rays = u64::from(p.sample_end - p.sample_begin);
+                    assert!(rays * (steps * each.step + each.ray + 1) <= turns, "{turns} turns: {p:?}");
+                    next =
+                        if p.step_end == March::ALL_STEPS { (p.sample_end, 0) } else { (p.sample_begin, p.step_end) };
+                }
+                assert_eq!(next, (samples, 0), "{turns} turns");
+                let cut = passes.iter().any(|pass| pass.params.step_end != March::ALL_STEPS);
+                assert_eq!(cut, march.keeps_paths(turns), "{turns} turns");
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_cut_is_said() {
+        let error = march(1).passes(march(1).turns().step).unwrap_err();
+        assert!(error.contains("one view step"), "{error}");
+        let error = March { paths: None, ..march(1) }.passes(300).unwrap_err();
+        assert!(error.contains("without paths"), "{error}");
+    }
+
+    #[test]
+    fn a_part_of_a_ray_needs_paths_and_one_sample() {
+        let mut part = march(3);
+        (part.params.sample_end, part.params.step_end) = (1, 5);
+        assert_eq!(part.validate(), Ok(()));
+        assert!(March { paths: None, ..part.clone() }.validate().is_err());
+        part.params.sample_end = 2;
+        assert!(part.validate().is_err());
     }
 }

@@ -43,6 +43,15 @@ pub trait Kernel {
     /// # Errors
     /// What does not fit. Kernels index without checks behind this one.
     fn validate(&self) -> Result<(), String>;
+
+    /// The stage cut into passes, so that all loops of an invocation together turn at most `turns` times. Passes run in
+    /// order, each over the whole work axis, and each goes on from what the ones before left in the outputs.
+    ///
+    /// # Errors
+    /// What turns more often and cannot be cut.
+    fn passes(&self, turns: u64) -> Result<Vec<Self>, String>
+    where
+        Self: Sized;
 }
 
 /// A stage with its parameters and resources. Devices match it without a catch-all arm, so that a new stage does not
@@ -102,6 +111,20 @@ impl Stage {
     /// ([`Binding::part`]).
     pub fn group(&self) -> u32 {
         each!(self, stage => stage.group())
+    }
+
+    /// The stage cut into passes, so that all loops of an invocation together turn at most `turns` times. Passes run in
+    /// order, each over the whole work axis, and each goes on from what the ones before left in the outputs.
+    ///
+    /// # Errors
+    /// What turns more often and cannot be cut.
+    pub fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
+        Ok(match self {
+            Self::Reduce(stage) => stage.passes(turns)?.into_iter().map(Self::Reduce).collect(),
+            Self::Project(stage) => stage.passes(turns)?.into_iter().map(Self::Project).collect(),
+            Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
+            Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
+        })
     }
 
     /// Whether parameters and resources fit each other.

@@ -162,4 +162,8 @@ impl Kernel for Project {
         require!(!table || self.phase_table.is_some_and(|b| b.len >= 2), "the phase table is missing");
         Ok(())
     }
+
+    fn passes(&self, _: u64) -> Result<Vec<Self>, String> {
+        Ok(vec![self.clone()])
+    }
 }

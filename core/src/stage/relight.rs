@@ -92,4 +92,8 @@ impl Kernel for Relight {
         );
         Ok(())
     }
+
+    fn passes(&self, _: u64) -> Result<Vec<Self>, String> {
+        Ok(vec![self.clone()])
+    }
 }
