@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use airlight_core::basis::SphericalHarmonics;
 use airlight_core::device::{
-    Binding, BindingAccess, Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, Limits, Provider, ResourceId,
-    ResourceSpec, StageTime, Unavailable,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, Limits, Provider, ResourceId, ResourceSpec,
+    StageTime, Unavailable,
 };
 use airlight_core::reference::{self, MarchInputs, ProjectInputs, ReduceInputs, RelightInputs};
 use airlight_core::stage::{LightRecord, March, Stage};
@@ -30,7 +30,7 @@ fn info() -> DeviceInfo {
         name: "Toy in f64".into(),
         kind: DeviceKind::Other,
         memory_bytes: None,
-        limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 4096 },
+        limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 4096, loop_turns: None },
         features: Vec::new(),
         filter_bits: 24,
     }
@@ -42,7 +42,7 @@ pub struct Toy {
     memory: HashMap<ResourceId, Resource>,
     times: Vec<StageTime>,
     /// The stage that ran last, with all that it writes, until memory changes.
-    last: Option<(Stage, Vec<Vec<f64>>)>,
+    last: Option<(Stage, Outputs)>,
 }
 
 /// Everything that stages read and write is made of 4-byte words, almost all of them floats.
@@ -50,6 +50,9 @@ struct Resource {
     spec: ResourceSpec,
     words: Vec<f32>,
 }
+
+/// What a stage writes, by the names of its bindings.
+type Outputs = Vec<(&'static str, Vec<f64>)>;
 
 impl Default for Toy {
     fn default() -> Self {
@@ -154,12 +157,11 @@ impl Toy {
             Some((last, whole)) if last == *stage => whole,
             _ => self.twin(stage)?,
         };
-        let bindings = stage.bindings();
-        let outputs = bindings.iter().filter(|binding| matches!(binding.access, BindingAccess::Write(_)));
-        for (binding, values) in outputs.zip(&whole) {
+        for binding in stage.bindings() {
+            let Some((_, values)) = whole.iter().find(|(name, _)| *name == binding.name) else { continue };
             let Some(output) = binding.id.and_then(|id| self.memory.get_mut(&id)) else { continue };
             for (word, value) in values.iter().enumerate() {
-                if range.contains(&unit(stage, binding, word)) {
+                if range.contains(&unit(stage, &binding, word)) {
                     output.words[word] = *value as f32;
                 }
             }
@@ -168,12 +170,12 @@ impl Toy {
         Ok(())
     }
 
-    /// All that a stage writes, in the order of its bindings.
-    fn twin(&self, stage: &Stage) -> Result<Vec<Vec<f64>>, DeviceError> {
+    /// All that a stage writes.
+    fn twin(&self, stage: &Stage) -> Result<Outputs, DeviceError> {
         Ok(match stage {
             Stage::Reduce(s) => {
                 let inputs = ReduceInputs { density: self.field(s.density), other: s.other.map(|f| self.field(f)) };
-                vec![reference::reduce(&s.params, &inputs)]
+                vec![("reduced", reference::reduce(&s.params, &inputs))]
             }
             Stage::Project(s) => {
                 let inputs = ProjectInputs {
@@ -186,7 +188,7 @@ impl Toy {
                     phase_table: s.phase_table.map_or(&[], |b| self.buffer(b)),
                 };
                 let (records, emission_records) = reference::project(&s.params, &inputs);
-                vec![records, emission_records]
+                vec![("records", records), ("emission_records", emission_records)]
             }
             Stage::Relight(s) => {
                 let inputs = RelightInputs {
@@ -194,7 +196,11 @@ impl Toy {
                     emission_records: s.emission_records.map_or(&[], |b| self.buffer(b)),
                     light: self.buffer(s.light),
                 };
-                vec![reference::relight(&s.params, &inputs)]
+                vec![("in_scatter", reference::relight(&s.params, &inputs))]
+            }
+            // What a pass before the last leaves is for the next one, and the twin needs nothing of it.
+            Stage::March(s) if (s.params.sample_end, s.params.step_end) != (s.params.samples, March::ALL_STEPS) => {
+                Outputs::new()
             }
             Stage::March(s) => {
                 let (layers, bands) = (s.params.cells[3], SphericalHarmonics::DEVICE_BANDS);
@@ -217,7 +223,7 @@ impl Toy {
                     environment: s.environment.map(|b| self.buffer(b)),
                     surface: s.surface.map(|b| self.buffer(b)),
                 };
-                vec![reference::march(&s.params, &inputs)]
+                vec![("film", reference::march(&s.params, &inputs))]
             }
         })
     }
