@@ -73,6 +73,14 @@ pub trait Device: Send {
     /// # Errors
     /// A fault of the work so far.
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError>;
+
+    /// How long the device may let its caller wait for one dispatch; none for as long as it takes. When a call has
+    /// waited longer, it fails with [`DeviceError::Timeout`], and where the work could not be stopped, the device is
+    /// lost: its queue cannot be trusted any more. A device that works within `dispatch` cannot give up, has no use for
+    /// this and need not implement it: its caller sees the time.
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        let _ = patience;
+    }
 }
 
 /// The time one dispatch took on the device.
@@ -188,6 +196,14 @@ pub enum DeviceError {
     /// A call that does not fit the resources: a bug in the caller.
     #[error("invalid use of the device: {0}")]
     Invalid(String),
+    /// A dispatch that took too long ([`Device::set_patience`]).
+    #[error("{stage} took longer than the {patience:?} that it was given")]
+    Timeout {
+        /// Name of the stage, or what else was waited for.
+        stage: &'static str,
+        /// How long it was waited for.
+        patience: Duration,
+    },
     /// The backend's own fault, in its words.
     #[error("{0}")]
     Backend(String),

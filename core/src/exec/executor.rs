@@ -74,6 +74,7 @@ pub struct Executor {
     /// Seconds a unit of a stage's work axis took the last time.
     pace: HashMap<&'static str, f64>,
     budget: Option<u64>,
+    patience: Option<Duration>,
     frame: u64,
 }
 
@@ -86,7 +87,15 @@ impl Executor {
     /// An executor of plans on `device`.
     pub fn new(device: Box<dyn Device>) -> Self {
         let budget = device.info().memory_bytes.map(most_of);
-        Self { device, slots: Slots::default(), held: HashMap::new(), pace: HashMap::new(), budget, frame: 0 }
+        Self {
+            device,
+            slots: Slots::default(),
+            held: HashMap::new(),
+            pace: HashMap::new(),
+            budget,
+            patience: None,
+            frame: 0,
+        }
     }
 
     /// The device.
@@ -100,6 +109,15 @@ impl Executor {
         self.budget = Some(bytes);
     }
 
+    /// Sets how long a piece of a stage may take; by default there is no limit. What takes longer fails with
+    /// [`DeviceError::Timeout`], and the device is lost where it could not stop the work. A stage is cut into pieces of
+    /// about 50 ms, or of a quarter of this where that is less, but the first piece that a device ever runs of it is a
+    /// 64th. A device that works while it is called (the processor) is not interrupted within a piece.
+    pub fn set_patience(&mut self, patience: Option<Duration>) {
+        self.patience = patience;
+        self.device.set_patience(patience);
+    }
+
     /// Lets `build` make a plan and runs it. What `build` returns comes back with the report.
     ///
     /// # Errors
@@ -110,11 +128,12 @@ impl Executor {
         hooks: &mut Hooks<'_>,
         build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
     ) -> Result<(R, Report), E> {
-        let Self { device, slots, held, pace, budget, frame } = self;
+        let Self { device, slots, held, pace, budget, patience, frame } = self;
         *frame += 1;
         let mut plan = Plan::new(slots, *frame, device.info().limits.loop_turns);
         let result = build(&mut plan)?;
-        let mut run = Run { device: device.as_mut(), held, pace, report: Report::default(), pending: Vec::new() };
+        let (report, pending) = (Report::default(), Vec::new());
+        let mut run = Run { device: device.as_mut(), held, pace, patience: *patience, report, pending };
         run.allocate(&plan, *budget)?;
         let Plan { slots, nodes, states, .. } = plan;
         let mut written = Vec::new();
@@ -178,6 +197,7 @@ struct Run<'r> {
     device: &'r mut dyn Device,
     held: &'r mut HashMap<ResourceId, Held>,
     pace: &'r mut HashMap<&'static str, f64>,
+    patience: Option<Duration>,
     report: Report,
     /// Dispatches whose times are not known yet: place in the report, stage, units of its axis.
     pending: Vec<(usize, &'static str, u32)>,
@@ -185,6 +205,8 @@ struct Run<'r> {
 
 impl Run<'_> {
     fn fault(&self, stage: &str, error: DeviceError) -> ExecError {
+        // Of several stages that were waited for, the device knows which it was.
+        let stage = if let DeviceError::Timeout { stage, .. } = error { stage } else { stage };
         ExecError::Device { device: self.device.info().name.clone(), stage: stage.to_owned(), error }
     }
 
@@ -319,7 +341,8 @@ impl Run<'_> {
             self.finish()?;
         }
         let pace = self.pace.get(name).copied().unwrap_or(0.0);
-        let per_piece = (PIECE.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
+        let piece = self.patience.map_or(PIECE, |patience| PIECE.min(patience / 4));
+        let per_piece = (piece.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
         while at < axis {
             say(at)?;
             let end = at.saturating_add(per_piece).min(axis);
@@ -330,10 +353,11 @@ impl Run<'_> {
     }
 
     fn piece(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), ExecError> {
-        let units = range.end - range.start;
+        let (units, begin) = (range.end - range.start, Instant::now());
         self.device.dispatch(stage, range).map_err(|e| self.fault(stage.name(), e))?;
         self.pending.push((self.report.stages.len() - 1, stage.name(), units));
-        Ok(())
+        // The device may have built a kernel meanwhile; only its times tell how long the stage took.
+        if self.patience.is_some_and(|patience| begin.elapsed() > patience) { self.finish() } else { Ok(()) }
     }
 
     /// Waits, and books the time of every dispatch since the last wait.
@@ -352,6 +376,11 @@ impl Run<'_> {
             *done += f64::from(units);
         }
         self.pace.extend(spent.into_iter().map(|(stage, (seconds, units))| (stage, seconds / units.max(1.0))));
+        if let Some(patience) = self.patience
+            && let Some(time) = times.iter().find(|time| time.time > patience)
+        {
+            return Err(self.fault(time.stage, DeviceError::Timeout { stage: time.stage, patience }));
+        }
         Ok(())
     }
 }
