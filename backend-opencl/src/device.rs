@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::ops::Range;
+use std::time::Duration;
 
 use airlight_core::device::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
 use airlight_core::stage::Stage;
@@ -132,5 +133,9 @@ impl Device for OpenclDevice {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.clock.finish(&mut self.cl)
+    }
+
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        self.cl.set_patience(patience);
     }
 }
