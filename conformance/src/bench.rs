@@ -9,11 +9,24 @@ use airlight::stage::Stage;
 use bytemuck::Pod;
 use libtest_mimic::Failed;
 
-use crate::Subject;
-use crate::compare::same_bits;
+use crate::{Axis, Record, Subject};
 
-/// Turns of loops that a stage is held to: enough for whole rays of some sets, for single steps of others.
-const TURNS: [u64; 3] = [4000, 600, 100];
+/// How the work of a stage is cut, which must change nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Cut {
+    /// Into one piece.
+    Whole,
+    /// Into uneven pieces that are run in disorder.
+    Pieces,
+    /// Into passes of so many turns of loops, each in pieces: enough for whole rays of some sets, for single steps of
+    /// others.
+    Passes(u64),
+}
+
+/// Every [`Cut`].
+pub(crate) fn cuts() -> Axis<Cut> {
+    Axis::of("cut", [Cut::Whole, Cut::Pieces, Cut::Passes(4000), Cut::Passes(600), Cut::Passes(100)])
+}
 
 /// A device with the resources of a few stages.
 pub(crate) struct Bench {
@@ -69,26 +82,22 @@ impl Bench {
         Ok(out)
     }
 
-    /// Runs a stage as one piece over outputs filled with values that are not numbers, so that what it does not write
-    /// shows; then again in uneven pieces, in disorder, and in passes of few turns of loops, each in pieces. All must
-    /// give the same bits.
-    pub(crate) fn run(&mut self, stage: &Stage) -> Result<(), Failed> {
+    /// Runs a stage over outputs filled with values that are not numbers, so that what it does not write shows.
+    /// Every variant of a case must give the same bits.
+    pub(crate) fn run(&mut self, record: &mut Record, stage: &Stage, cut: Cut) -> Result<(), Failed> {
         stage.validate()?;
         let axis = stage.axis();
         let (first, second, third) = (axis / 5, axis / 2, axis - axis / 7);
         let ranges = [second..third, 0..first, third..axis, first..first, first..second];
-        let whole = self.pieces(std::slice::from_ref(stage), std::slice::from_ref(&(0..axis)))?;
-        let same = |how: String, found: &[Vec<f32>]| {
-            let mut pairs = whole.iter().zip(found);
-            pairs.try_for_each(|(whole, found)| same_bits(&format!("{} {how}", stage.name()), whole, found))
-        };
-        same("in pieces".into(), &self.pieces(std::slice::from_ref(stage), &ranges)?)?;
-        for turns in TURNS {
+        let whole = std::slice::from_ref(stage);
+        let written = match cut {
+            Cut::Whole => self.pieces(whole, std::slice::from_ref(&(0..axis)))?,
+            Cut::Pieces => self.pieces(whole, &ranges)?,
             // What cannot be cut so far need not be.
-            let Ok(passes) = stage.passes(turns) else { continue };
-            if passes.len() > 1 {
-                same(format!("in {} passes", passes.len()), &self.pieces(&passes, &ranges)?)?;
-            }
+            Cut::Passes(turns) => self.pieces(&stage.passes(turns).unwrap_or_else(|_| whole.to_vec()), &ranges)?,
+        };
+        for (i, values) in written.iter().enumerate() {
+            record.steady(&format!("output {i} of {}", stage.name()), values);
         }
         Ok(())
     }

@@ -10,9 +10,8 @@ use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
 use airlight::scene::{Content, EnvironmentEstimate, Estimate, Quality, Records, Scene};
 use libtest_mimic::Failed;
 
-use crate::compare::compare;
 use crate::fixtures::{camera, chromatic, grey, phases};
-use crate::{Case, Subject, check, tolerance};
+use crate::{Case, Record, Subject, check, tolerance};
 
 /// The box of every scene here, metres.
 const BOX: LitBox = LitBox {
@@ -27,26 +26,49 @@ const BOX: LitBox = LitBox {
 const DENSITY: f32 = 0.8;
 
 pub(crate) fn cases() -> Vec<Case> {
+    let straight =
+        |optics: Optics| move |s: &Subject, r: &mut Record| beer_lambert(s, r, fog(optics.clone()), DMat3::IDENTITY);
+    let through = "Transmittance and alpha of a black box are Beer and Lambert's";
     let mut cases = vec![
-        Case::new("closed::beer_lambert_grey", |s| beer_lambert(s, fog(grey(Phase::Isotropic)), DMat3::IDENTITY)),
-        Case::new("closed::beer_lambert_chromatic", |s| {
-            beer_lambert(s, fog(chromatic(Phase::Isotropic)), DMat3::IDENTITY)
-        }),
-        Case::new("closed::beer_lambert_rotated_lattice", rotated),
-        Case::new("closed::emission", emission),
-        Case::new("closed::white_sky_behind_a_black_medium", behind),
+        Case::new("closed::beer_lambert_grey", format!("{through}."), straight(grey(Phase::Isotropic))),
+        Case::new(
+            "closed::beer_lambert_chromatic",
+            format!("{through}, in each channel."),
+            straight(chromatic(Phase::Isotropic)),
+        ),
+        Case::new(
+            "closed::beer_lambert_rotated_lattice",
+            format!("{through}, where the box is a turned lattice of constant samples."),
+            rotated,
+        ),
+        Case::new("closed::emission", "A box that glows and absorbs shows the integral of both.", emission),
+        Case::new(
+            "closed::white_sky_behind_a_black_medium",
+            "A visible environment shines through a black box as its transmittance lets it.",
+            behind,
+        ),
     ];
+    cases = cases.into_iter().map(|case| case.within(&tolerance::CLOSED)).collect();
     for (name, phase) in phases() {
         let optics = chromatic(phase.clone());
-        cases.push(Case::new(format!("closed::directional_{name}"), move |s| directional(s, &optics)));
+        let checks = format!("A directional light scattered once in a box is the closed form's ({name}).");
+        let run = move |s: &Subject, r: &mut Record| directional(s, r, &optics);
+        let case = Case::new(format!("closed::directional_{name}"), checks, run);
+        cases.push(case.within(&tolerance::LIT_BOX).at("phase", name));
         for content in [Content::Radiance, Content::Transmittance, Content::Phase] {
             if content == Content::Transmittance && !phase.is_isotropic() {
                 continue;
             }
             let (phase, content_name) = (phase.clone(), format!("{content:?}").to_lowercase());
-            cases.push(Case::new(format!("closed::thin_uniform_{content_name}_{name}"), move |s| {
-                thin(s, phase.clone(), content)
-            }));
+            let case = Case::new(
+                format!("closed::thin_uniform_{content_name}_{name}"),
+                format!(
+                    "A thin medium lit alike from everywhere scatters albedo · alpha · L (records of {content_name}, \
+                     {name})."
+                ),
+                move |s, r| thin(s, r, phase.clone(), content),
+            );
+            cases.push(case.within(&tolerance::THIN).at("phase", name).at("content", content_name));
         }
     }
     cases
@@ -81,27 +103,25 @@ fn extinction(scene: &Scene, c: usize) -> f64 {
     f64::from(scene.optics.extinction[c] * DENSITY)
 }
 
-fn beer_lambert(subject: &Subject, mut scene: Scene, turn: DMat3) -> Result<(), Failed> {
+fn beer_lambert(subject: &Subject, record: &mut Record, mut scene: Scene, turn: DMat3) -> Result<(), Failed> {
     scene.optics.albedo = Vec3::ZERO;
     let film = subject.renderer()?.render(&scene)?.film;
     let through: Vec<[f64; 3]> = ways(&scene, turn)
         .into_iter()
         .map(|(_, _, way)| [0, 1, 2].map(|c| transmittance(extinction(&scene, c) * way)))
         .collect();
-    let found = film.transmittance.iter().flatten().map(|&v| f64::from(v));
-    let l2 = tolerance::CLOSED_L2;
-    compare(found, through.iter().flatten().copied()).within("transmittance", l2, l2)?;
-    let alpha = film.beauty.iter().map(|p| f64::from(p[3]));
-    let expected = through.iter().map(|t| 1.0 - (t[0] + t[1] + t[2]) / 3.0);
-    compare(alpha, expected).within("alpha", l2, l2)?;
-    check!(film.beauty.iter().all(|p| p[..3] == [0.0; 3]), "a black medium without light is not black");
     let hit = through.iter().filter(|t| t[0] < 0.5).count();
     check!(hit > 50, "only {hit} pixels see the box");
+    let size = [film.width, film.height];
+    record.picture("transmittance", size, film.transmittance.iter().copied(), through.iter().copied());
+    let alpha = film.beauty.iter().map(|p| p[3]);
+    record.hold("alpha", alpha, through.iter().map(|t| 1.0 - (t[0] + t[1] + t[2]) / 3.0));
+    check!(film.beauty.iter().all(|p| p[..3] == [0.0; 3]), "a black medium without light is not black");
     Ok(())
 }
 
 /// A lattice of constant samples: clamped lookups make it homogeneous to its walls.
-fn rotated(subject: &Subject) -> Result<(), Failed> {
+fn rotated(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.3, -0.8, 0.5).normalize(), 0.7));
     let dims = UVec3::new(7, 5, 9);
     let edges = (BOX.max - BOX.min) / dims.as_dvec3();
@@ -109,41 +129,41 @@ fn rotated(subject: &Subject) -> Result<(), Failed> {
     let grid = Grid::dense(dims, map, vec![DENSITY; dims.element_product() as usize])?;
     let mut scene = fog(chromatic(Phase::Isotropic));
     scene.medium = Arc::new(GridMedium::new(Arc::new(grid), None)?);
-    beer_lambert(subject, scene, turn)
+    beer_lambert(subject, record, scene, turn)
 }
 
-fn emission(subject: &Subject) -> Result<(), Failed> {
+fn emission(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = fog(chromatic(Phase::Isotropic));
     scene.optics.albedo = Vec3::ZERO;
     scene.optics.emission = Vec3::new(2.0, 0.9, 0.3);
     let film = subject.renderer()?.render(&scene)?.film;
     let glow =
         |c: usize, way| emission_absorption((scene.optics.emission[c] * DENSITY).into(), extinction(&scene, c), way);
-    let expected = ways(&scene, DMat3::IDENTITY).into_iter().flat_map(|(_, _, way)| [0, 1, 2].map(|c| glow(c, way)));
-    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
-    compare(found, expected).within("emission", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().map(|(_, _, way)| [0, 1, 2].map(|c| glow(c, way)));
+    record.film("emission", &film, expected);
+    Ok(())
 }
 
 /// A visible environment shines through.
-fn behind(subject: &Subject) -> Result<(), Failed> {
+fn behind(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = fog(chromatic(Phase::Isotropic));
     scene.optics.albedo = Vec3::ZERO;
     scene.environment = Some(Environment::uniform(Vec3::new(0.5, 1.0, 2.0))?);
     let film = subject.renderer()?.render(&scene)?.film;
     let expected = ways(&scene, DMat3::IDENTITY)
         .into_iter()
-        .flat_map(|(_, _, way)| [0, 1, 2].map(|c| [0.5, 1.0, 2.0][c] * transmittance(extinction(&scene, c) * way)));
-    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
-    compare(found, expected).within("background", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
+        .map(|(_, _, way)| [0, 1, 2].map(|c| [0.5, 1.0, 2.0][c] * transmittance(extinction(&scene, c) * way)));
+    record.film("background", &film, expected);
+    Ok(())
 }
 
-fn directional(subject: &Subject, optics: &Optics) -> Result<(), Failed> {
+fn directional(subject: &Subject, record: &mut Record, optics: &Optics) -> Result<(), Failed> {
     let mut scene = fog(optics.clone());
     let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
     let irradiance = [3.0f32, 2.6, 2.0];
     scene.lights = vec![Light::directional(to_light, Vec3::from(irradiance))?];
     let film = subject.renderer()?.render(&scene)?.film;
-    let expected = ways(&scene, DMat3::IDENTITY).into_iter().flat_map(|(origin, d, _)| {
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().map(|(origin, d, _)| {
         [0, 1, 2].map(|c| {
             let extinction = extinction(&scene, c);
             let lit = LitBox {
@@ -156,13 +176,13 @@ fn directional(subject: &Subject, optics: &Optics) -> Result<(), Failed> {
             lit.single_scattering(scene.optics.phase.eval(to_light.dot(d)), origin, d)
         })
     });
-    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
-    compare(found, expected).within("single scattering", tolerance::LIT_BOX_L2, f64::INFINITY)
+    record.film("single scattering", &film, expected);
+    Ok(())
 }
 
 /// A thin medium lit alike from everywhere scatters albedo · alpha · L, whatever its phase function: a phase function
 /// that is not normalised shows, and so do directions whose weights do not add up to the sphere.
-fn thin(subject: &Subject, phase: Phase, content: Content) -> Result<(), Failed> {
+fn thin(subject: &Subject, record: &mut Record, phase: Phase, content: Content) -> Result<(), Failed> {
     let mut scene = fog(chromatic(phase));
     scene.optics.extinction = Vec3::new(1.5e-3, 1e-3, 0.5e-3);
     let light = [0.5f32, 1.0, 2.0];
@@ -172,16 +192,16 @@ fn thin(subject: &Subject, phase: Phase, content: Content) -> Result<(), Failed>
     let records = Records { cells: 5, bands: 4, directions: 192, content, ..Records::default() };
     scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
     let film = subject.renderer()?.render(&scene)?.film;
-    let expected = ways(&scene, DMat3::IDENTITY).into_iter().flat_map(|(_, _, way)| {
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().map(|(_, _, way)| {
         [0, 1, 2].map(|c| {
             let opacity = 1.0 - transmittance(extinction(&scene, c) * way);
             opacity * f64::from(scene.optics.albedo[c] * light[c])
         })
     });
-    let found = film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from);
     // Toward the eye the phase function is taken at the directions, not integrated over their pixels.
     let sharpness: f64 = if content == Content::Phase { quadrature_error(&scene.optics.phase, 4) } else { 0.0 };
-    compare(found, expected).within("scattered light", tolerance::THIN_L2 + sharpness, f64::INFINITY)
+    record.within(tolerance::THIN.plus(sharpness), |record| record.film("scattered light", &film, expected));
+    Ok(())
 }
 
 /// The largest error of Σ p · 4π/n over the directions of 12·`nside`² for some views.

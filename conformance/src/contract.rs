@@ -6,25 +6,71 @@ use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use crate::bench::Bench;
-use crate::compare::same_bits;
 use crate::fixtures::noise;
-use crate::{Case, Subject, check};
+use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
     vec![
-        Case::new("device::info", info),
-        Case::new("device::buffers_are_zero_and_keep_what_is_written", buffers),
-        Case::new("device::parts_of_buffers", parts),
-        Case::new("device::destroyed_resources_are_gone", destroyed),
-        Case::new("device::unknown_resources_are_errors", unknown),
-        Case::new("device::bytes_past_the_end_are_errors", past_the_end),
-        Case::new("device::fields_take_whole_slices", slices),
-        Case::new("device::published_fields_hold_what_was_written", published),
-        Case::new("device::publication_checks_sizes", publication),
-        Case::new("device::limits_are_kept", limits),
-        Case::new("device::stages_that_do_not_fit_are_errors", misfits),
-        Case::new("device::finish_forgets", finish),
+        Case::new("device::info", "The device tells a name, an id and limits that can be.", info),
+        Case::new(
+            "device::buffers_are_zero_and_keep_what_is_written",
+            "A new buffer holds zeros, and then what is written to it.",
+            buffers,
+        )
+        .permutes(&usages())
+        .permutes(&lengths()),
+        Case::new("device::parts_of_buffers", "Parts of buffers are written and read alone.", parts),
+        Case::new(
+            "device::destroyed_resources_are_gone",
+            "What is destroyed cannot be read, and its id is free again.",
+            destroyed,
+        ),
+        Case::new(
+            "device::unknown_resources_are_errors",
+            "Calls that name a resource that does not exist are errors.",
+            unknown,
+        ),
+        Case::new(
+            "device::bytes_past_the_end_are_errors",
+            "Bytes past a buffer's end, and parts of words, are neither written nor read.",
+            past_the_end,
+        ),
+        Case::new(
+            "device::fields_take_whole_slices",
+            "Fields are written in whole slices, in any order, and not read back.",
+            slices,
+        ),
+        Case::new(
+            "device::published_fields_hold_what_was_written",
+            "A published field holds what its buffer held then.",
+            published,
+        ),
+        Case::new(
+            "device::publication_checks_sizes",
+            "A buffer that is no field's size, and a field to a buffer, are not published.",
+            publication,
+        ),
+        Case::new(
+            "device::limits_are_kept",
+            "Resources past every limit are refused, and the device is as good as before.",
+            limits,
+        ),
+        Case::new(
+            "device::stages_that_do_not_fit_are_errors",
+            "Ranges past the axis, outputs too short and resources that are not there are refused.",
+            misfits,
+        ),
+        Case::new("device::finish_forgets", "Without a dispatch there is no time to tell.", finish),
     ]
+}
+
+fn usages() -> Axis<Usage> {
+    Axis::of("usage", [Usage::Input, Usage::Work, Usage::Output])
+}
+
+/// Around a row of a packet and a page.
+fn lengths() -> Axis<usize> {
+    Axis::of("values", [1, 3, 16, 17, 1023, 4097])
 }
 
 const SPEC: FieldSpec = FieldSpec { dims: [7, 5, 9], layers: 1, format: FieldFormat::Scalar };
@@ -54,7 +100,7 @@ fn refused<T>(what: &str, result: Result<T, DeviceError>) -> Result<(), Failed> 
     }
 }
 
-fn info(subject: &Subject) -> Result<(), Failed> {
+fn info(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let device = subject.open()?;
     let info = device.info();
     check!(!info.name.is_empty() && !info.backend.is_empty(), "a device without a name: {info:?}");
@@ -68,22 +114,21 @@ fn info(subject: &Subject) -> Result<(), Failed> {
     Ok(())
 }
 
-fn buffers(subject: &Subject) -> Result<(), Failed> {
+fn buffers(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
-    for usage in [Usage::Input, Usage::Work, Usage::Output] {
-        // Sizes around a row of a packet and a page.
-        for len in [1usize, 3, 16, 17, 1023, 4097] {
+    record.each(&usages(), |record, &usage| {
+        record.each(&lengths(), |record, &len| {
             let buf = bench.room::<f32>(len, usage)?;
-            check!(bench.read(buf)?.iter().all(|v| v.to_bits() == 0), "a new {usage:?} buffer of {len} is not zero");
+            record.same("new", &bench.read(buf)?, &vec![0.0; len]);
             let data = noise(len as u64, len);
             bench.device.write(buf.id, 0, bytemuck::cast_slice(&data))?;
-            same_bits("written and read", &bench.read(buf)?, &data)?;
-        }
-    }
-    Ok(())
+            record.same("written and read", &bench.read(buf)?, &data);
+            Ok(())
+        })
+    })
 }
 
-fn parts(subject: &Subject) -> Result<(), Failed> {
+fn parts(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let buf = bench.room::<f32>(100, Usage::Work)?;
     let mut expected = vec![0.0f32; 100];
@@ -92,13 +137,14 @@ fn parts(subject: &Subject) -> Result<(), Failed> {
         bench.device.write(buf.id, 4 * start as u64, bytemuck::cast_slice(&data))?;
         expected[start..start + len].copy_from_slice(&data);
     }
-    same_bits("after four writes", &bench.read(buf)?, &expected)?;
+    record.same("after four writes", &bench.read(buf)?, &expected);
     let mut part = vec![0.0f32; 7];
     bench.device.read(buf.id, 4 * 23, bytemuck::cast_slice_mut(&mut part))?;
-    same_bits("a part", &part, &expected[23..30])
+    record.same("a part", &part, &expected[23..30]);
+    Ok(())
 }
 
-fn destroyed(subject: &Subject) -> Result<(), Failed> {
+fn destroyed(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut device = subject.open()?;
     let id = ResourceId(3);
     device.create(id, &buffer(64))?;
@@ -114,7 +160,7 @@ fn destroyed(subject: &Subject) -> Result<(), Failed> {
     Ok(())
 }
 
-fn unknown(subject: &Subject) -> Result<(), Failed> {
+fn unknown(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut device = subject.open()?;
     let id = ResourceId(99);
     refused("writing", device.write(id, 0, &[0; 4]))?;
@@ -127,7 +173,7 @@ fn unknown(subject: &Subject) -> Result<(), Failed> {
     Ok(())
 }
 
-fn past_the_end(subject: &Subject) -> Result<(), Failed> {
+fn past_the_end(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut device = subject.open()?;
     let id = ResourceId(1);
     device.create(id, &buffer(64))?;
@@ -146,7 +192,7 @@ fn past_the_end(subject: &Subject) -> Result<(), Failed> {
     Ok(())
 }
 
-fn slices(subject: &Subject) -> Result<(), Failed> {
+fn slices(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let data = noise(1, VOXELS);
     let field = bench.scalars(SPEC.dims, &vec![0.0; VOXELS])?;
@@ -155,27 +201,29 @@ fn slices(subject: &Subject) -> Result<(), Failed> {
     for k in [4usize, 8, 0, 2, 1, 3, 7, 6, 5] {
         bench.device.write(field.id, k as u64 * slice, bytemuck::cast_slice(&data[k * 35..(k + 1) * 35]))?;
     }
-    same_bits("slices", &copy_of(&mut bench, field)?, &data)?;
+    record.same("slices", &copy_of(&mut bench, field)?, &data);
     refused("half a slice", bench.device.write(field.id, 0, &vec![0; slice as usize / 2]))?;
     refused("a slice off its place", bench.device.write(field.id, 4, &vec![0; slice as usize]))?;
     refused("a slice too many", bench.device.write(field.id, 9 * slice, &vec![0; slice as usize]))?;
     refused("reading a field", bench.device.read(field.id, 0, &mut vec![0; slice as usize]))?;
-    same_bits("after refusals", &copy_of(&mut bench, field)?, &data)
+    record.same("after refusals", &copy_of(&mut bench, field)?, &data);
+    Ok(())
 }
 
-fn published(subject: &Subject) -> Result<(), Failed> {
+fn published(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let data = noise(2, VOXELS);
     let buf = bench.buf(&data)?;
     let field = bench.scalars(SPEC.dims, &vec![9.0; VOXELS])?;
     bench.device.publish(buf.id, field.id)?;
-    same_bits("published", &copy_of(&mut bench, field)?, &data)?;
+    record.same("published", &copy_of(&mut bench, field)?, &data);
     // What is written to the buffer afterwards does not reach the field.
     bench.device.write(buf.id, 0, bytemuck::cast_slice(&vec![1.0f32; VOXELS]))?;
-    same_bits("after a later write", &copy_of(&mut bench, field)?, &data)
+    record.same("after a later write", &copy_of(&mut bench, field)?, &data);
+    Ok(())
 }
 
-fn publication(subject: &Subject) -> Result<(), Failed> {
+fn publication(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let field = bench.scalars(SPEC.dims, &vec![0.0; VOXELS])?;
     let short = bench.room::<f32>(VOXELS - 1, Usage::Work)?;
@@ -185,7 +233,7 @@ fn publication(subject: &Subject) -> Result<(), Failed> {
     refused("publishing from a field", bench.device.publish(field.id, field.id))
 }
 
-fn limits(subject: &Subject) -> Result<(), Failed> {
+fn limits(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut device = subject.open()?;
     let beyond = device.info().limits.buffer_bytes.saturating_mul(4).saturating_add(64) & !15;
     refused("a buffer past every limit", device.create(ResourceId(1), &buffer(beyond.max(1 << 60))))?;
@@ -197,7 +245,7 @@ fn limits(subject: &Subject) -> Result<(), Failed> {
     Ok(())
 }
 
-fn misfits(subject: &Subject) -> Result<(), Failed> {
+fn misfits(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let field = bench.scalars(SPEC.dims, &vec![0.0; VOXELS])?;
     let out: Buf<[f32; 2]> = bench.room(VOXELS, Usage::Work)?;
@@ -216,7 +264,7 @@ fn misfits(subject: &Subject) -> Result<(), Failed> {
     Ok(())
 }
 
-fn finish(subject: &Subject) -> Result<(), Failed> {
+fn finish(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut device: Box<dyn Device> = subject.open()?;
     check!(device.finish()?.is_empty(), "times of dispatches that never were");
     device.create(ResourceId(1), &buffer(64))?;

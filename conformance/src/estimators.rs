@@ -10,9 +10,9 @@ use airlight::scene::{
 };
 use libtest_mimic::Failed;
 
-use crate::compare::{Difference, compare, same_bits};
+use crate::compare::compare;
 use crate::fixtures::{Map, chromatic, cloud, grey, sky};
-use crate::{Case, Subject, check, tolerance};
+use crate::{Axis, Case, Record, Subject, check, rgb, tolerance};
 
 /// A cloud large enough to have empty cells, small enough for brute force.
 const DIMS: UVec3 = UVec3::new(14, 10, 12);
@@ -28,21 +28,104 @@ const SETTINGS: BruteSettings = BruteSettings { rows: 16, nodes: 2 };
 
 pub(crate) fn cases() -> Vec<Case> {
     let mut cases = vec![
-        Case::new("estimators::direct_against_brute_force", direct),
-        Case::new("estimators::direct_without_shadow", unshadowed),
-        Case::new("estimators::records_against_brute_force", records_converge),
-        Case::new("estimators::phase_records_against_brute_force", phase_records),
-        Case::new("estimators::emission_is_scattered", emission),
-        Case::new("estimators::contents_agree", contents_agree),
-        Case::new("estimators::one_probe_loses_light", probes),
+        Case::new(
+            "estimators::direct_against_brute_force",
+            "Directional, point and spot light, each with the medium's own shadow, are brute force's.",
+            direct,
+        )
+        .within(&tolerance::BRUTE_DIRECT),
+        Case::new(
+            "estimators::direct_without_shadow",
+            "Without a shadow a light scatters albedo · alpha, nowhere less than with one.",
+            unshadowed,
+        )
+        .within(&tolerance::CLOSED),
+        Case::new(
+            "estimators::records_against_brute_force",
+            "Records come nearer to brute force with every finer grid of cells.",
+            records_converge,
+        )
+        .within(&tolerance::BRUTE_QUARTER_VOXEL)
+        .permutes(&fineness()),
+        Case::new(
+            "estimators::phase_records_against_brute_force",
+            "Records with the phase function in them are brute force's under the same truncated light.",
+            phase_records,
+        )
+        .within(&tolerance::BRUTE_HALF_VOXEL),
+        Case::new(
+            "estimators::emission_is_scattered",
+            "Light of the medium's own, scattered once by the medium, is brute force's.",
+            emission,
+        )
+        .within(&tolerance::BRUTE_HALF_VOXEL)
+        .permutes(&contents()),
+        Case::new(
+            "estimators::contents_agree",
+            "In a sky of one band and an isotropic medium all contents of records are one.",
+            contents_agree,
+        )
+        .within(&tolerance::CONTENT)
+        .varies(&equal_contents()),
+        Case::new(
+            "estimators::one_probe_loses_light",
+            "One probe a cell misses density and loses light; ten along a side lose none here.",
+            probes,
+        ),
     ];
     for (name, interpolation) in [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)] {
         for content in [Content::Radiance, Content::Transmittance, Content::Phase] {
-            let name = format!("estimators::exact_elimination_{name}_{content:?}").to_lowercase();
-            cases.push(Case::new(name, move |subject| exact(subject, interpolation, content)));
+            let content_name = format!("{content:?}").to_lowercase();
+            let case = Case::new(
+                format!("estimators::exact_elimination_{name}_{content_name}"),
+                format!("Leaving out the empty cells changes no bit of a picture ({name}, records of {content_name})."),
+                move |subject, record| exact(subject, record, interpolation, content),
+            );
+            let case = case.permutes(&cell_counts()).varies(&eliminations());
+            cases.push(case.at("interpolation", name).at("content", content_name));
         }
     }
     cases
+}
+
+/// Cells along the longest side, ever finer.
+fn fineness() -> Axis<u32> {
+    Axis::of("cells", [4, 14, FINEST])
+}
+
+/// Contents of records with a phase function that they take.
+fn contents() -> Axis<(Content, Phase)> {
+    let hg = Phase::HenyeyGreenstein { g: 0.3 };
+    Axis::new(
+        "content",
+        [
+            ("radiance", (Content::Radiance, hg.clone())),
+            ("transmittance", (Content::Transmittance, Phase::Isotropic)),
+            ("phase", (Content::Phase, hg)),
+        ],
+    )
+}
+
+/// Contents and bands that make one picture in a sky of one band.
+fn equal_contents() -> Axis<(Content, u32)> {
+    Axis::new(
+        "content",
+        [
+            ("transmittance with 3 bands", (Content::Transmittance, 3)),
+            ("phase with 3 bands", (Content::Phase, 3)),
+            ("radiance with 1 band", (Content::Radiance, 1)),
+            ("transmittance with 6 bands", (Content::Transmittance, 6)),
+        ],
+    )
+}
+
+/// Fewer and more cells than voxels.
+fn cell_counts() -> Axis<u32> {
+    Axis::of("cells", [5, 13, 31])
+}
+
+fn eliminations() -> Axis<Elimination> {
+    Axis::of("elimination", [Elimination::None, Elimination::Exact])
 }
 
 fn with(mut scene: Scene, records: Records) -> Scene {
@@ -60,20 +143,24 @@ fn options(cells: u32, bands: u32, directions: u32, content: Content) -> Records
     Records { cells, bands, directions, content, ..Records::default() }
 }
 
-fn rgb(film: &Film) -> impl Iterator<Item = f64> + use<'_> {
-    film.beauty.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from)
+/// The colours of every fifth pixel.
+struct Sparse {
+    found: Vec<f32>,
+    expected: Vec<f64>,
 }
 
-/// Every fifth pixel of a film against brute force, over RGB.
-fn against(truth: &BruteForce<'_>, film: &Film) -> Difference {
+/// Every fifth pixel of a film, and of brute force.
+fn against(truth: &BruteForce<'_>, film: &Film) -> Sparse {
     use rayon::prelude::*;
     let places: Vec<u32> = (0..film.width * film.height).step_by(5).collect();
     let expected: Vec<[f64; 4]> = places.par_iter().map(|i| truth.pixel(i % film.width, i / film.width)).collect();
-    let found = places.iter().flat_map(|&i| [0, 1, 2].map(|c| f64::from(film.beauty[i as usize][c])));
-    compare(found, expected.iter().flat_map(|p| [p[0], p[1], p[2]]))
+    Sparse {
+        found: places.iter().flat_map(|&i| [0, 1, 2].map(|c| film.beauty[i as usize][c])).collect(),
+        expected: expected.iter().flat_map(|p| [p[0], p[1], p[2]]).collect(),
+    }
 }
 
-fn direct(subject: &Subject) -> Result<(), Failed> {
+fn direct(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = cloud(Map::Sheared, DIMS, chromatic(Phase::HenyeyGreenstein { g: 0.4 }));
     scene.lights = vec![
         Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::new(3.0, 2.6, 2.0))?,
@@ -83,11 +170,13 @@ fn direct(subject: &Subject) -> Result<(), Failed> {
     scene.quality.step = 0.25;
     let film = subject.renderer()?.render(&scene)?.film;
     let truth = BruteForce::new(&scene, &SETTINGS);
-    against(&truth, &film).within("three lights", tolerance::BRUTE_DIRECT_L2, f64::INFINITY)
+    let Sparse { found, expected } = against(&truth, &film);
+    record.hold("three lights", found, expected);
+    Ok(())
 }
 
 /// Without a shadow the light is the same at every depth: more of it everywhere.
-fn unshadowed(subject: &Subject) -> Result<(), Failed> {
+fn unshadowed(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.lights = vec![Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::splat(4.0 * std::f32::consts::PI))?];
     let mut renderer = subject.renderer()?;
@@ -98,31 +187,32 @@ fn unshadowed(subject: &Subject) -> Result<(), Failed> {
     let darker = pairs.clone().filter(|(a, b)| (0..3).any(|c| a[c] < b[c])).count();
     check!(pairs.count() > 50 && darker == 0, "{darker} pixels are darker without a shadow");
     // p E = 1, so what is scattered is albedo · alpha.
-    let expected = film.beauty.iter().flat_map(|p| [0, 1, 2].map(|c| f64::from(scene.optics.albedo[c] * p[3])));
-    compare(rgb(&film), expected).within("albedo times alpha", tolerance::CLOSED_L2, tolerance::CLOSED_L2)
-}
-
-fn records_converge(subject: &Subject) -> Result<(), Failed> {
-    let mut scene = lit(Map::Rotated, Phase::Isotropic);
-    scene.quality.step = 0.5;
-    let truth_scene = scene.clone();
-    let truth = BruteForce::new(&truth_scene, &SETTINGS);
-    let mut renderer = subject.renderer()?;
-    let mut last = f64::INFINITY;
-    for cells in [4, 14, FINEST] {
-        scene = with(scene, options(cells, 1, 192, Content::Radiance));
-        let error = against(&truth, &renderer.render(&scene)?.film);
-        check!(error.relative_l2 < last, "{cells} cells: {:.2e}, after {last:.2e} with fewer", error.relative_l2);
-        last = error.relative_l2;
-        if cells == FINEST {
-            error.within("the finest cells", tolerance::BRUTE_QUARTER_VOXEL_L2, f64::INFINITY)?;
-        }
-    }
+    let expected = film.beauty.iter().map(|p| [0, 1, 2].map(|c| f64::from(scene.optics.albedo[c] * p[3])));
+    record.film("albedo times alpha", &film, expected);
     Ok(())
 }
 
+fn records_converge(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = lit(Map::Rotated, Phase::Isotropic);
+    scene.quality.step = 0.5;
+    let truth = BruteForce::new(&scene, &SETTINGS);
+    let mut renderer = subject.renderer()?;
+    let mut last = f64::INFINITY;
+    record.each(&fineness(), |record, &cells| {
+        let film = renderer.render(&with(scene.clone(), options(cells, 1, 192, Content::Radiance)))?.film;
+        let Sparse { found, expected } = against(&truth, &film);
+        let error = compare(found.iter().copied().map(f64::from), expected.iter().copied()).relative_l2;
+        check!(error < last, "{cells} cells: {error:.2e}, after {last:.2e} with fewer");
+        last = error;
+        if cells == FINEST {
+            record.hold("radiance", found, expected);
+        }
+        Ok(())
+    })
+}
+
 /// With the phase function in the records the light is truncated, and so is the truth's.
-fn phase_records(subject: &Subject) -> Result<(), Failed> {
+fn phase_records(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = lit(Map::Mirrored, Phase::HenyeyGreenstein { g: 0.5 });
     scene.quality.step = 0.5;
     let harmonics = SphericalHarmonics::new(4)?;
@@ -135,68 +225,58 @@ fn phase_records(subject: &Subject) -> Result<(), Failed> {
     let scene = with(scene, options(HALF_VOXEL, 4, 192, Content::Phase));
     let truth = BruteForce::under(&scene, &SETTINGS, truncated);
     let film = subject.renderer()?.render(&scene)?.film;
-    against(&truth, &film).within("phase", tolerance::BRUTE_HALF_VOXEL_L2, f64::INFINITY)
-}
-
-/// Light of the medium's own, scattered once by the medium.
-fn emission(subject: &Subject) -> Result<(), Failed> {
-    for (content, phase) in [
-        (Content::Radiance, Phase::HenyeyGreenstein { g: 0.3 }),
-        (Content::Transmittance, Phase::Isotropic),
-        (Content::Phase, Phase::HenyeyGreenstein { g: 0.3 }),
-    ] {
-        let mut scene = cloud(Map::Plain, DIMS, chromatic(phase));
-        scene.optics.emission = Vec3::new(1.0, 0.5, 0.2);
-        scene.quality.step = 0.25;
-        let scene = with(scene, options(HALF_VOXEL, 4, 192, content));
-        let truth = BruteForce::new(&scene, &SETTINGS);
-        let film = subject.renderer()?.render(&scene)?.film;
-        let what = format!("{content:?}");
-        against(&truth, &film).within(&what, tolerance::BRUTE_HALF_VOXEL_L2, f64::INFINITY)?;
-    }
+    let Sparse { found, expected } = against(&truth, &film);
+    record.hold("radiance", found, expected);
     Ok(())
 }
 
-/// In a sky of one band and an isotropic medium the three contents are one.
-fn contents_agree(subject: &Subject) -> Result<(), Failed> {
+/// Light of the medium's own, scattered once by the medium.
+fn emission(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    record.each(&contents(), |record, (content, phase)| {
+        let mut scene = cloud(Map::Plain, DIMS, chromatic(phase.clone()));
+        scene.optics.emission = Vec3::new(1.0, 0.5, 0.2);
+        scene.quality.step = 0.25;
+        let scene = with(scene, options(HALF_VOXEL, 4, 192, *content));
+        let truth = BruteForce::new(&scene, &SETTINGS);
+        let film = subject.renderer()?.render(&scene)?.film;
+        let Sparse { found, expected } = against(&truth, &film);
+        record.hold("radiance", found, expected);
+        Ok(())
+    })
+}
+
+/// The first content is the others' truth.
+fn contents_agree(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = lit(Map::Sheared, Phase::Isotropic);
     let mut sky = airlight::light::Environment::uniform(Vec3::new(0.5, 1.0, 2.0))?;
     sky.visible = false;
     scene.environment = Some(sky);
     let mut renderer = subject.renderer()?;
-    let mut film = |content, bands| -> Result<Film, Failed> {
-        let scene = with(scene.clone(), options(9, bands, 192, content));
-        Ok(renderer.render(&scene)?.film)
-    };
-    let first = film(Content::Transmittance, 3)?;
-    for (content, bands) in [(Content::Phase, 3), (Content::Radiance, 1), (Content::Transmittance, 6)] {
-        let other = film(content, bands)?;
-        let what = format!("{content:?} with {bands} bands");
-        compare(rgb(&other), rgb(&first)).within(&what, tolerance::CONTENT_L2, tolerance::CONTENT_L2)?;
-    }
-    Ok(())
+    let mut first: Option<Film> = None;
+    record.each(&equal_contents(), |record, &(content, bands)| {
+        let film = renderer.render(&with(scene.clone(), options(9, bands, 192, content)))?.film;
+        let truth = first.get_or_insert_with(|| film.clone());
+        record.film("radiance", &film, rgb(truth).map(|p| p.map(f64::from)));
+        Ok(())
+    })
 }
 
-fn exact(subject: &Subject, interpolation: Interpolation, content: Content) -> Result<(), Failed> {
+fn exact(subject: &Subject, record: &mut Record, interpolation: Interpolation, content: Content) -> Result<(), Failed> {
     let phase = if content == Content::Transmittance { Phase::Isotropic } else { Phase::HenyeyGreenstein { g: 0.5 } };
     let scene = lit(Map::Rotated, phase);
     let mut renderer = subject.renderer()?;
-    for cells in [5, 13, 31] {
-        let records = Records { interpolation, ..options(cells, 2, 48, content) };
-        let film = |renderer: &mut airlight::Renderer, elimination| -> Result<Vec<f32>, Failed> {
-            let scene = with(scene.clone(), Records { elimination, ..records.clone() });
-            let film = renderer.render(&scene)?.film;
-            Ok(film.beauty.iter().flatten().copied().collect())
-        };
-        let none = film(&mut renderer, Elimination::None)?;
-        let exact = film(&mut renderer, Elimination::Exact)?;
-        same_bits(&format!("{cells} cells"), &exact, &none)?;
-    }
-    Ok(())
+    record.each(&cell_counts(), |record, &cells| {
+        record.each(&eliminations(), |record, &elimination| {
+            let records = Records { interpolation, elimination, ..options(cells, 2, 48, content) };
+            let film = renderer.render(&with(scene.clone(), records))?.film;
+            record.steady("film", film.beauty.as_flattened());
+            Ok(())
+        })
+    })
 }
 
 /// Probes may miss density, and then lose light; ten along a side miss none here.
-fn probes(subject: &Subject) -> Result<(), Failed> {
+fn probes(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let scene = lit(Map::Plain, Phase::Isotropic);
     let mut renderer = subject.renderer()?;
     let mut film = |elimination| -> Result<Film, Failed> {
@@ -204,11 +284,11 @@ fn probes(subject: &Subject) -> Result<(), Failed> {
         Ok(renderer.render(&with(scene.clone(), Records { interpolation: Interpolation::Nearest, ..records }))?.film)
     };
     let none = film(Elimination::None)?;
-    let total = |film: &Film| rgb(film).sum::<f64>();
+    let total = |film: &Film| rgb(film).flatten().map(f64::from).sum::<f64>();
     let (whole, one, ten) =
         (total(&none), total(&film(Elimination::Probes(1))?), total(&film(Elimination::Probes(10))?));
     check!(one < whole, "one probe a cell loses no light: {one} of {whole}");
     check!(ten >= one && ten <= whole, "ten probes keep {ten} of {whole}, one keeps {one}");
-    check!((ten / whole - 1.0).abs() < 1e-6, "ten probes keep {ten} of {whole}");
+    record.score("ten probes", "share of the light lost", 1.0 - ten / whole, 1e-6);
     Ok(())
 }

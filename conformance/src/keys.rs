@@ -8,20 +8,52 @@ use airlight::media::Phase;
 use airlight::scene::{Content, EnvironmentEstimate, Records, Scene};
 use libtest_mimic::Failed;
 
-use crate::compare::same_bits;
 use crate::fixtures::{DIMS, Map, cloud, grey, sky};
-use crate::{Case, Subject, check};
+use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
     let contents = [Content::Radiance, Content::Transmittance, Content::Phase];
     let mut cases: Vec<_> = contents
         .into_iter()
-        .map(|content| Case::new(format!("keys::{content:?}").to_lowercase(), move |subject| frames(subject, content)))
+        .map(|content| {
+            let name = format!("{content:?}").to_lowercase();
+            case(&name, scene(content), frames(content)).at("content", name)
+        })
         .collect();
-    cases.push(Case::new("keys::radiance_hg", radiance_hg));
-    cases.push(Case::new("keys::direct", direct));
-    cases.push(Case::new("keys::optics_and_picture", optics));
+    let mut hg = scene(Content::Radiance);
+    hg.optics.phase = Phase::HenyeyGreenstein { g: 0.3 };
+    cases.push(case("radiance_hg", hg, anisotropy()).at("content", "radiance"));
+    let mut unlit = scene(Content::Radiance);
+    unlit.environment = None;
+    unlit.lights = vec![sun()];
+    cases.push(case("direct", unlit, lights()));
+    cases.push(case("optics_and_picture", scene(Content::Transmittance), optics()).at("content", "transmittance"));
     cases
+}
+
+fn case(name: &str, scene: Scene, changes: Axis<Change>) -> Case {
+    let checks = format!(
+        "After each change of a scene ({}) just the stages run that depend on it, and the film is a fresh device's.",
+        name.replace('_', " ")
+    );
+    let (permutations, variants) = (changes.clone(), caches());
+    let run = move |subject: &Subject, record: &mut Record| follow(subject, record, scene.clone(), &changes);
+    Case::new(format!("keys::{name}"), checks, run).permutes(&permutations).varies(&variants)
+}
+
+/// What a device holds already when it renders.
+#[derive(Clone, Copy, Debug)]
+enum Cache {
+    /// Nothing.
+    Fresh,
+    /// The scene before the change.
+    Cached,
+    /// The scene.
+    Twice,
+}
+
+fn caches() -> Axis<Cache> {
+    Axis::of("device", [Cache::Fresh, Cache::Cached, Cache::Twice])
 }
 
 fn scene(content: Content) -> Scene {
@@ -32,44 +64,67 @@ fn scene(content: Content) -> Scene {
     scene
 }
 
-type Change<'a> = (&'a str, Box<dyn Fn(&mut Scene)>, &'a [&'a str]);
+/// A change of a scene, and the stages that it costs.
+#[derive(Clone)]
+struct Change {
+    change: Arc<dyn Fn(&mut Scene) + Send + Sync>,
+    ran: &'static [&'static str],
+}
 
 /// Applies the changes one after the other. After each, the stages that ran must be those listed, a second render
 /// must run none, and the film must be that of a fresh device, bit for bit.
-fn follow(subject: &Subject, mut scene: Scene, changes: &[Change<'_>]) -> Result<(), Failed> {
+fn follow(subject: &Subject, record: &mut Record, mut scene: Scene, changes: &Axis<Change>) -> Result<(), Failed> {
     let mut renderer = subject.renderer()?;
     let all = ["reduce", "project", "relight", "reduce", "march"];
     let first = renderer.render(&scene)?.report.ran();
     if scene.environment.is_some() {
         check!(first == all, "the first frame ran {first:?}");
     }
-    for (what, change, expected) in changes {
+    record.each(changes, |record, Change { change, ran: expected }| {
         change(&mut scene);
-        let rendered = renderer.render(&scene)?;
-        let ran = rendered.report.ran();
-        check!(ran == *expected, "{what}: {ran:?} ran, and {expected:?} should have");
-        let again = renderer.render(&scene)?;
-        check!(again.report.ran().is_empty(), "{what}, twice: {:?} ran", again.report.ran());
-        check!(again.report.uploads.is_empty(), "{what}, twice: {:?} were uploaded", again.report.uploads);
-        let fresh = subject.renderer()?.render(&scene)?;
-        let bits = |film: &airlight::scene::Film| bytemuck::cast_slice::<_, f32>(&film.beauty).to_vec();
-        same_bits(what, &bits(&rendered.film), &bits(&fresh.film))?;
-        same_bits(what, &bits(&again.film), &bits(&fresh.film))?;
-    }
-    Ok(())
+        record.each(&caches(), |record, cache| {
+            let film = match cache {
+                Cache::Fresh => subject.renderer()?.render(&scene)?.film,
+                Cache::Cached => {
+                    let rendered = renderer.render(&scene)?;
+                    let ran = rendered.report.ran();
+                    check!(ran == *expected, "{ran:?} ran, and {expected:?} should have");
+                    rendered.film
+                }
+                Cache::Twice => {
+                    let again = renderer.render(&scene)?;
+                    check!(again.report.ran().is_empty(), "{:?} ran", again.report.ran());
+                    check!(again.report.uploads.is_empty(), "{:?} were uploaded", again.report.uploads);
+                    again.film
+                }
+            };
+            record.steady("film", film.beauty.as_flattened());
+            Ok(())
+        })
+    })
 }
 
-fn change<'a>(what: &'a str, f: impl Fn(&mut Scene) + 'static, ran: &'a [&'a str]) -> Change<'a> {
-    (what, Box::new(f), ran)
+type Named = (&'static str, Change);
+
+fn change(what: &'static str, f: impl Fn(&mut Scene) + Send + Sync + 'static, ran: &'static [&'static str]) -> Named {
+    (what, Change { change: Arc::new(f), ran })
+}
+
+fn changes<const N: usize>(changes: [Named; N]) -> Axis<Change> {
+    Axis::new("change", changes)
+}
+
+fn sun() -> Light {
+    Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::ONE).expect("a light")
 }
 
 fn light(scene: &mut Scene) -> &mut Environment {
     scene.environment.as_mut().expect("the scenes here have one")
 }
 
-fn frames(subject: &Subject, content: Content) -> Result<(), Failed> {
+fn frames(content: Content) -> Axis<Change> {
     // The stages before `march` that a new light, and a new place of the eye, cost.
-    let (relit, seen): (&[&str], &[&str]) = match content {
+    let (relit, seen): (&'static [&'static str], &'static [&'static str]) = match content {
         // The light is in the records.
         Content::Radiance => (&["project", "relight", "march"], &["march"]),
         // A new light needs no new records.
@@ -77,7 +132,7 @@ fn frames(subject: &Subject, content: Content) -> Result<(), Failed> {
         // Records look at the eye.
         Content::Phase => (&["relight", "march"], &["project", "relight", "march"]),
     };
-    let changes = [
+    changes([
         change("nothing", |_| (), &[]),
         change("the light's strength", |s| light(s).scale = Vec3::new(1.0, 2.0, 0.5), relit),
         change("the light's rotation", |s| light(s).rotation = 40.0, relit),
@@ -92,27 +147,20 @@ fn frames(subject: &Subject, content: Content) -> Result<(), Failed> {
             |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium,
             &["reduce", "project", "relight", "reduce", "march"],
         ),
-    ];
-    follow(subject, scene(content), &changes)
+    ])
 }
 
 /// The phase function's moments enter when records are lit, so a new one needs no new records.
-fn radiance_hg(subject: &Subject) -> Result<(), Failed> {
-    let mut scene = scene(Content::Radiance);
-    scene.optics.phase = Phase::HenyeyGreenstein { g: 0.3 };
-    let changes = [
+fn anisotropy() -> Axis<Change> {
+    changes([
         change("nothing", |_| (), &[]),
         change("the anisotropy", |s| s.optics.phase = Phase::HenyeyGreenstein { g: 0.5 }, &["relight", "march"]),
         change("the eye's place", |s| s.camera.origin += DVec3::new(0.1, 0.2, -0.1), &["march"]),
-    ];
-    follow(subject, scene, &changes)
+    ])
 }
 
-fn direct(subject: &Subject) -> Result<(), Failed> {
-    let mut scene = scene(Content::Radiance);
-    scene.environment = None;
-    scene.lights = vec![Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::ONE)?];
-    let changes = [
+fn lights() -> Axis<Change> {
+    changes([
         change("nothing", |_| (), &[]),
         change(
             "the light's place",
@@ -125,13 +173,12 @@ fn direct(subject: &Subject) -> Result<(), Failed> {
             |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium,
             &["reduce", "march"],
         ),
-    ];
-    follow(subject, scene, &changes)
+    ])
 }
 
-fn optics(subject: &Subject) -> Result<(), Failed> {
+fn optics() -> Axis<Change> {
     let medium = cloud(Map::Rotated, DIMS, grey(Phase::Isotropic)).medium;
-    let changes = [
+    changes([
         change("samples", |s| s.camera.samples = 3, &["march"]),
         change("the size of the picture", |s| s.camera.width = 31, &["march"]),
         change("albedo", |s| s.optics.albedo = Vec3::splat(0.3), &["march"]),
@@ -147,8 +194,7 @@ fn optics(subject: &Subject) -> Result<(), Failed> {
             move |s| s.medium = Arc::clone(&medium),
             &["reduce", "project", "relight", "reduce", "march"],
         ),
-    ];
-    follow(subject, scene(Content::Transmittance), &changes)
+    ])
 }
 
 fn records(scene: &mut Scene) -> &mut Records {

@@ -5,18 +5,23 @@
 //! checked. Who brings a device makes a [`Subject`] of it and runs [`trials`]:
 //!
 //! ```no_run
-//! use airlight_conformance::{Subject, trials};
+//! use airlight_conformance::{Subject, cases, trials};
 //!
 //! let subject = Subject::new("mine", || airlight::open("cpu").map_err(|e| e.to_string()));
 //! let args = libtest_mimic::Arguments::from_args();
-//! libtest_mimic::run(&args, trials(&subject)).exit();
+//! libtest_mimic::run(&args, trials(&subject, cases(), None)).exit();
 //! ```
 //!
-//! Cases are named `device::group::case`, so that a filter picks any part: `stage::march`, `pictures`. Truth is read
-//! from `data/` in this crate's folder, or from the folder that `AIRLIGHT_CONFORMANCE_DATA` names; a missing file is
-//! a failure.
+//! A [`Case`] is data (a name, a sentence, axes, needs, a tolerance of [`tolerance`]) and a function that books what it
+//! finds into a [`Record`]. What comes of it is a [`Sidecar`], which can be written into a folder of results; results
+//! of several runs and machines are put together by copying. Cases are named `device::group::case` as tests, so that a
+//! filter picks any part: `stage::march`, `pictures`.
+//!
+//! The truth is part of this crate; another folder of it takes its place where `AIRLIGHT_CONFORMANCE_DATA` names one,
+//! and a file missing there is a failure.
 
 mod bench;
+mod case;
 mod closed;
 mod compare;
 mod contract;
@@ -24,16 +29,25 @@ mod estimators;
 mod fixtures;
 mod keys;
 pub mod pictures;
+mod record;
+mod sidecar;
 mod stages;
 pub mod tolerance;
+mod truth;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use airlight::Renderer;
-use airlight::device::Device;
-use libtest_mimic::{Arguments, Conclusion, Failed, Trial};
+use airlight::device::{Device, DeviceInfo};
+use libtest_mimic::{Arguments, Completion, Conclusion, Trial};
 
+pub use case::{Axis, Case, Labels, Need};
 pub use compare::{Difference, compare};
+pub use libtest_mimic::Failed;
+pub use record::{MISMATCHES, Mismatch, Mismatches, Picture, Place, Record, Score, rgb};
+pub use sidecar::{AxisRecord, DeviceRecord, FORMAT, FORMAT_VERSION, Outcome, Sidecar, ToleranceRecord};
+pub use tolerance::Tolerance;
 
 type Open = dyn Fn() -> Result<Box<dyn Device>, String> + Send + Sync;
 
@@ -42,6 +56,7 @@ type Open = dyn Fn() -> Result<Box<dyn Device>, String> + Send + Sync;
 pub struct Subject {
     name: String,
     open: Arc<Open>,
+    info: Arc<OnceLock<DeviceInfo>>,
 }
 
 impl Subject {
@@ -50,7 +65,7 @@ impl Subject {
         name: impl Into<String>,
         open: impl Fn() -> Result<Box<dyn Device>, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { name: name.into(), open: Arc::new(open) }
+        Self { name: name.into(), open: Arc::new(open), info: Arc::default() }
     }
 
     /// The device of a choice as [`airlight::open`] takes it: `cpu`, `wgpu:1`.
@@ -75,6 +90,18 @@ impl Subject {
         (self.open)().map_err(Failed::from)
     }
 
+    /// What the device is. It is opened for that once.
+    ///
+    /// # Errors
+    /// As [`Subject::open`].
+    pub fn info(&self) -> Result<DeviceInfo, Failed> {
+        if let Some(info) = self.info.get() {
+            return Ok(info.clone());
+        }
+        let info = self.open()?.info().clone();
+        Ok(self.info.get_or_init(|| info).clone())
+    }
+
     /// Opens the device under a renderer.
     ///
     /// # Errors
@@ -84,32 +111,10 @@ impl Subject {
     }
 }
 
-type Try = dyn Fn(&Subject) -> Result<(), Failed> + Send + Sync;
-
-/// One thing that must hold on every device.
-#[derive(Clone)]
-pub struct Case {
-    name: String,
-    run: Arc<Try>,
-}
-
-impl Case {
-    fn new(name: impl Into<String>, run: impl Fn(&Subject) -> Result<(), Failed> + Send + Sync + 'static) -> Self {
-        Self { name: name.into(), run: Arc::new(run) }
-    }
-
-    /// Its name: `group::case`.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Tries a device.
-    ///
-    /// # Errors
-    /// What does not hold.
-    pub fn run(&self, subject: &Subject) -> Result<(), Failed> {
-        (self.run)(subject)
-    }
+/// The parts of an environment variable between commas: `AIRLIGHT_DEVICES`, `AIRLIGHT_REQUIRE`.
+pub fn listed(variable: &str) -> Vec<String> {
+    let text = std::env::var(variable).unwrap_or_default();
+    text.split(',').map(str::trim).filter(|s| !s.is_empty()).map(str::to_owned).collect()
 }
 
 /// Every case, in the order of the groups above.
@@ -119,26 +124,40 @@ pub fn cases() -> Vec<Case> {
     groups.into_iter().flatten().collect()
 }
 
-/// Every case as a trial of one device.
-pub fn trials(subject: &Subject) -> Vec<Trial> {
+/// Cases as trials of one device; where there is a folder for results, each writes its own there. A case that means
+/// nothing on the device is ignored with its reason.
+pub fn trials(subject: &Subject, cases: Vec<Case>, results: Option<&Path>) -> Vec<Trial> {
     let trial = |case: Case| {
-        let subject = subject.clone();
-        Trial::test(format!("{}::{}", subject.name(), case.name()), move || case.run(&subject))
+        let (subject, results) = (subject.clone(), results.map(Path::to_path_buf));
+        Trial::ignorable_test(format!("{}::{}", subject.name(), case.name()), move || {
+            let result = case.run(&subject);
+            if let Some(folder) = &results {
+                result.write(folder)?;
+            }
+            result.verdict()?;
+            Ok(match result.outcome {
+                Outcome::Skipped(reason) => {
+                    eprintln!("SKIPPED {}::{}: {reason}", subject.name(), case.name());
+                    Completion::ignored_with(reason)
+                }
+                _ => Completion::Completed,
+            })
+        })
     };
-    cases().into_iter().map(trial).collect()
+    cases.into_iter().map(trial).collect()
 }
 
-/// Tries the devices of `choices`. One that cannot be had is said on stderr and left out, or fails where `required`
-/// names it.
-pub fn run(args: &Arguments, choices: &[String], required: &[String]) -> Conclusion {
+/// Tries the devices of `choices` as tests of libtest-mimic. One that cannot be had is said on stderr and left out,
+/// or fails where `required` names it. Results are written into the folder `results`, where there is one.
+pub fn run(args: &Arguments, choices: &[String], required: &[String], results: Option<PathBuf>) -> Conclusion {
     let mut all = Vec::new();
     let extra = required.iter().filter(|r| !choices.contains(r));
     for choice in choices.iter().chain(extra) {
         let subject = Subject::of_choice(choice);
-        match subject.open() {
-            Ok(_) => all.extend(trials(&subject)),
+        match subject.info() {
+            Ok(_) => all.extend(trials(&subject, cases(), results.as_deref())),
             Err(reason) => {
-                let reason = reason.message().unwrap_or("no reason given").to_owned();
+                let reason = case::message(&reason);
                 let needed = required.contains(choice);
                 eprintln!("{} {choice}: {reason}", if needed { "MISSING" } else { "SKIPPED" });
                 let trial = Trial::test(format!("{choice}::available"), move || Err(reason.into()));

@@ -3,7 +3,6 @@
 //! The truth is box-filtered over each pixel; `samples` says how many sub-pixel positions stand for that here. What
 //! the scene is, and how good each file, says `data/reference/README.md`.
 
-use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
@@ -14,21 +13,15 @@ use airlight::media::{GridMedium, Optics, Phase};
 use airlight::scene::{
     Camera, Content, Elimination, EnvironmentEstimate, Estimate, Film, Interpolation, Quality, Records, Scene,
 };
-use airlight_formats::{image, volume};
+use airlight_formats::{FormatError, volume};
 use libtest_mimic::Failed;
 
 use crate::compare::compare;
-use crate::{Case, Difference, Subject, check, tolerance};
+use crate::truth::{self, File};
+use crate::{Case, Difference, Need, Record, Subject, Tolerance, check, tolerance};
 
-/// The folder of the truth.
-pub fn data() -> PathBuf {
-    std::env::var_os("AIRLIGHT_CONFORMANCE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("data"), PathBuf::from)
-}
-
-fn file(name: &str) -> PathBuf {
-    data().join("reference").join(name)
-}
+/// The longest side of the reference density, voxels.
+const SIDE: u32 = 72;
 
 /// What the reference scene is made of.
 #[derive(Clone)]
@@ -40,13 +33,15 @@ struct Parts {
 /// Read once: its media and environments then keep their versions.
 fn parts() -> Result<Parts, Failed> {
     static PARTS: OnceLock<Result<Parts, String>> = OnceLock::new();
-    let load = || -> Result<Parts, Box<dyn std::error::Error>> {
-        let grid = volume::read(file("density.nrrd"), None)?.grid;
-        let (mut environment, _) = image::load_environment(&file("env.exr"))?;
+    let load = || -> Result<Parts, Failed> {
+        let File { path, bytes } = truth::file("density.nrrd")?;
+        let beside = |name: &str| Err(FormatError::unsupported(name, "the reference density stands in one file"));
+        let grid = volume::parse(volume::Format::Nrrd, &path, &bytes, None, &beside)?.grid;
+        let mut environment = Environment::new(truth::picture("env.exr")?.0)?;
         environment.visible = false;
         Ok(Parts { medium: Arc::new(GridMedium::new(Arc::new(grid), None)?), environment })
     };
-    Ok(PARTS.get_or_init(|| load().map_err(|e| e.to_string())).clone()?)
+    Ok(PARTS.get_or_init(|| load().map_err(|e| crate::case::message(&e))).clone()?)
 }
 
 /// The reference scene: grey, isotropic, unlit.
@@ -111,8 +106,8 @@ pub struct Picture {
     pub file: &'static str,
     /// How it is rendered, in words.
     pub settings: String,
-    /// The largest relative L2 error over RGB.
-    pub limit: f64,
+    /// What RGB is held to.
+    pub tolerance: &'static Tolerance,
     channels: Channels,
     /// Whether the 5 × 5 pixels around the point light inside the medium are left out.
     without_lamp: bool,
@@ -130,61 +125,78 @@ pub struct Measured {
     pub seconds: f64,
 }
 
+/// A picture, its truth, and which of its pixels count.
+struct Rendered {
+    found: Vec<[f32; 4]>,
+    expected: Vec<[f32; 4]>,
+    kept: Vec<usize>,
+    seconds: f64,
+}
+
+impl Rendered {
+    fn rgb<'a>(&'a self, pixels: &'a [[f32; 4]]) -> impl Iterator<Item = f64> + use<'a> {
+        self.kept.iter().flat_map(|&i| [0, 1, 2].map(|c| f64::from(pixels[i][c])))
+    }
+
+    fn alpha<'a>(&'a self, pixels: &'a [[f32; 4]]) -> impl Iterator<Item = f64> + use<'a> {
+        self.kept.iter().map(|&i| f64::from(pixels[i][3]))
+    }
+}
+
 impl Picture {
-    /// Renders it and compares.
-    ///
-    /// # Errors
-    /// A missing truth; a fault while rendering.
-    pub fn measure(&self, subject: &Subject) -> Result<Measured, Failed> {
-        let truth = Truth::load(self.file)?;
+    fn render(&self, subject: &Subject) -> Result<Rendered, Failed> {
+        let expected = truth(self.file)?;
         let scene = (self.scene)()?;
         let mut renderer = subject.renderer()?;
         let begin = Instant::now();
         let film = renderer.render(&scene)?.film;
         let seconds = begin.elapsed().as_secs_f64();
-        let keep = |i: usize| {
+        let keep = |i: &usize| {
             let (x, y) = ((i % 160).abs_diff(91), (i / 160).abs_diff(49));
             !(self.without_lamp && x <= 2 && y <= 2)
         };
-        let (radiance, alpha) = truth.compare(&film, self.channels, keep)?;
-        Ok(Measured { radiance, alpha, seconds })
-    }
-}
-
-/// A picture of the reference set.
-struct Truth {
-    pixels: Vec<[f32; 4]>,
-}
-
-impl Truth {
-    fn load(name: &str) -> Result<Self, Failed> {
-        let path = file("images").join(name);
-        let exr = image::read_exr_channels(&path)?;
-        check!((exr.width, exr.height) == (160, 120), "{name} has {} × {} pixels", exr.width, exr.height);
-        let channel = |c: &str| exr.channel(c).ok_or_else(|| Failed::from(format!("{name} has no channel {c}")));
-        let [r, g, b, a] = [channel("R")?, channel("G")?, channel("B")?, channel("A")?];
-        Ok(Self { pixels: (0..r.len()).map(|i| [r[i], g[i], b[i], a[i]]).collect() })
-    }
-
-    /// Over RGB, and of alpha.
-    fn compare(
-        &self,
-        film: &Film,
-        channels: Channels,
-        keep: impl Fn(usize) -> bool + Copy,
-    ) -> Result<(Difference, Difference), Failed> {
-        check!(film.pixels() == self.pixels.len(), "a film of {} pixels", film.pixels());
-        let kept = || (0..film.pixels()).filter(move |&i| keep(i));
-        let rgb = |i: usize| match channels {
-            Channels::Radiance => [film.beauty[i][0], film.beauty[i][1], film.beauty[i][2]],
-            Channels::Transmittance => film.transmittance[i],
+        let found = match self.channels {
+            Channels::Radiance => film.beauty,
+            Channels::Transmittance => {
+                film.transmittance.iter().zip(&film.beauty).map(|(t, b)| [t[0], t[1], t[2], b[3]]).collect()
+            }
         };
-        let found = kept().flat_map(rgb).map(f64::from);
-        let expected = kept().flat_map(|i| [0, 1, 2].map(|c| f64::from(self.pixels[i][c])));
-        let radiance = compare(found, expected);
-        let alpha = compare(kept().map(|i| f64::from(film.beauty[i][3])), kept().map(|i| f64::from(self.pixels[i][3])));
-        Ok((radiance, alpha))
+        check!(found.len() == expected.len(), "a film of {} pixels", found.len());
+        Ok(Rendered { kept: (0..found.len()).filter(keep).collect(), found, expected, seconds })
     }
+
+    /// Renders it and compares.
+    ///
+    /// # Errors
+    /// A missing truth; a fault while rendering.
+    pub fn measure(&self, subject: &Subject) -> Result<Measured, Failed> {
+        let all = self.render(subject)?;
+        Ok(Measured {
+            radiance: compare(all.rgb(&all.found), all.rgb(&all.expected)),
+            alpha: compare(all.alpha(&all.found), all.alpha(&all.expected)),
+            seconds: all.seconds,
+        })
+    }
+
+    fn run(&self, subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+        let all = self.render(subject)?;
+        record.hold("RGB", all.rgb(&all.found), all.rgb(&all.expected));
+        // Alpha is the same line integrals in all of them.
+        record.within(tolerance::PICTURE_TRANSMITTANCE, |record| {
+            record.hold("alpha", all.alpha(&all.found), all.alpha(&all.expected));
+        });
+        let rgb = |pixels: &[[f32; 4]]| pixels.iter().map(|p| [p[0], p[1], p[2]]).collect();
+        record.show("RGB", [160, 120], rgb(&all.found), rgb(&all.expected));
+        Ok(())
+    }
+}
+
+/// RGB and alpha of a picture of the reference set.
+fn truth(name: &str) -> Result<Vec<[f32; 4]>, Failed> {
+    let (image, alpha) = truth::picture(&format!("images/{name}"))?;
+    check!((image.width, image.height) == (160, 120), "{name} has {} × {} pixels", image.width, image.height);
+    let alpha = alpha.ok_or_else(|| Failed::from(format!("{name} has no channel A")))?;
+    Ok(image.texels.iter().zip(alpha).map(|(&[r, g, b], a)| [r, g, b, a]).collect())
 }
 
 /// Every picture that has a truth.
@@ -204,7 +216,7 @@ fn unlit() -> Vec<Picture> {
         name,
         file,
         settings: "step ½ voxel".into(),
-        limit: tolerance::PICTURE_TRANSMITTANCE_L2,
+        tolerance: &tolerance::PICTURE_TRANSMITTANCE,
         channels: Channels::Transmittance,
         without_lamp: false,
         scene: Box::new(move || {
@@ -218,7 +230,7 @@ fn unlit() -> Vec<Picture> {
         transmittance("transmittance", "transmittance.exr", |_| ()),
         transmittance("transmittance_chromatic", "transmittance_chromatic.exr", chromatic),
         Picture {
-            limit: tolerance::PICTURE_DIRECT_L2,
+            tolerance: &tolerance::PICTURE_DIRECT,
             channels: Channels::Radiance,
             ..transmittance("emission", "emission_only.exr", |scene| {
                 scene.optics.extinction = Vec3::splat(4.0);
@@ -233,7 +245,7 @@ fn lit() -> Vec<Picture> {
         name,
         file,
         settings: "direct, shadow march, step ½ voxel".into(),
-        limit: tolerance::PICTURE_DIRECT_L2,
+        tolerance: &tolerance::PICTURE_DIRECT,
         channels: Channels::Radiance,
         without_lamp: false,
         scene: Box::new(move || {
@@ -271,7 +283,7 @@ fn environment() -> Vec<Picture> {
                 Content::Phase => "phase",
             }
         ),
-        limit: if g == 0.0 { tolerance::PICTURE_RECORDS_L2 } else { tolerance::PICTURE_PHASE_L2 },
+        tolerance: if g == 0.0 { &tolerance::PICTURE_RECORDS } else { &tolerance::PICTURE_PHASE },
         channels: Channels::Radiance,
         without_lamp: false,
         scene: Box::new(move || {
@@ -310,19 +322,24 @@ impl Picture {
 }
 
 pub(crate) fn cases() -> Vec<Case> {
-    let case = |(i, picture): (usize, Picture)| {
-        Case::new(format!("pictures::{}", picture.name), move |subject| {
-            let picture = &pictures()[i];
-            let found = picture.measure(subject)?;
-            found.radiance.within(&format!("RGB of {}", picture.file), picture.limit, f64::INFINITY)?;
-            // Alpha is the same line integrals in all of them.
-            let limit = tolerance::PICTURE_TRANSMITTANCE_L2;
-            found.alpha.within(&format!("alpha of {}", picture.file), limit, f64::INFINITY)
-        })
+    let case = |picture: Picture| {
+        let checks =
+            format!("The reference scene is {}, which another renderer checked ({}).", picture.file, picture.settings);
+        let tolerance = picture.tolerance;
+        let name = format!("pictures::{}", picture.name);
+        Case::new(name, checks, move |s, r| picture.run(s, r)).within(tolerance).needs(Need::FieldSide(SIDE))
     };
-    let mut cases: Vec<_> = pictures().into_iter().enumerate().map(case).collect();
-    // No device takes part, but every device stands on it.
-    cases.push(Case::new("pictures::environment_coefficients", |_| coefficients()));
+    let mut cases: Vec<_> = pictures().into_iter().map(case).collect();
+    let checks =
+        "The environment's coefficients are those of the reference; no device takes part, but all stand on it.";
+    cases.push(
+        Case::new("pictures::environment_coefficients", checks, |_, record| {
+            let (found, expected) = coefficients()?;
+            record.hold("coefficients", found, expected);
+            Ok(())
+        })
+        .within(&tolerance::ENVIRONMENT_COEFFICIENTS),
+    );
     cases
 }
 
@@ -331,28 +348,21 @@ pub(crate) fn cases() -> Vec<Case> {
 /// # Errors
 /// A missing or damaged file.
 pub fn coefficient_error() -> Result<f64, Failed> {
+    let (found, expected) = coefficients()?;
+    Ok(compare(found, expected).max_abs)
+}
+
+/// The environment's coefficients, and the reference's.
+fn coefficients() -> Result<(Vec<f64>, Vec<f64>), Failed> {
     #[derive(serde::Deserialize)]
     struct Projection {
         bands: u32,
         coefficients: Vec<[f64; 3]>,
     }
-    let path = file("sh_env.json");
-    let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let truth: Projection = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let File { path, bytes } = truth::file("sh_env.json")?;
+    let truth: Projection = serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", path.display()))?;
     let found = parts()?.environment.project_sh(&SphericalHarmonics::new(truth.bands)?);
-    check!(found.len() == truth.coefficients.len(), "{} coefficients", truth.coefficients.len());
-    let flat = |c: &[[f64; 3]]| c.iter().flatten().copied().collect::<Vec<_>>();
-    Ok(compare(flat(&found), flat(&truth.coefficients)).max_abs)
-}
-
-fn coefficients() -> Result<(), Failed> {
-    let error = coefficient_error()?;
-    check!(
-        error <= tolerance::ENVIRONMENT_COEFFICIENTS,
-        "the environment's coefficients are off by {error:e}, at most {:e}",
-        tolerance::ENVIRONMENT_COEFFICIENTS
-    );
-    Ok(())
+    Ok((found.as_flattened().to_vec(), truth.coefficients.as_flattened().to_vec()))
 }
 
 /// The difference of a film of [`scene`]'s camera from a picture of the reference set, over RGB.
@@ -360,5 +370,8 @@ fn coefficients() -> Result<(), Failed> {
 /// # Errors
 /// A missing truth; a film of another size.
 pub fn against(name: &str, film: &Film) -> Result<Difference, Failed> {
-    Ok(Truth::load(name)?.compare(film, Channels::Radiance, |_| true)?.0)
+    let expected = truth(name)?;
+    check!(film.pixels() == expected.len(), "a film of {} pixels", film.pixels());
+    let rgb = |pixels: &[[f32; 4]]| pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from).collect::<Vec<_>>();
+    Ok(compare(rgb(&film.beauty), rgb(&expected)))
 }

@@ -1,68 +1,118 @@
 //! Every tolerance of the suite, with its reason.
-//!
-//! `*_L2` are relative L2 errors; `*_PEAK` are largest errors as a share of the largest expected value.
 
 use airlight::device::DeviceInfo;
 
-/// A stage in f32 against its twin in f64. Places in index space are good to 2⁻²³ of some ten voxels, sums run over a
-/// few hundred terms: about 10⁻⁶. A cancelled or contracted product on another device is of the same size.
-pub const STAGE_L2: f64 = 1e-5;
+/// How far found values may be from expected ones, and why that far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// What results and reports call it.
+    pub name: &'static str,
+    /// The largest relative L2 error.
+    pub relative_l2: f64,
+    /// The largest error of one value as a share of the largest expected value; infinite where none is asked for.
+    pub peak: f64,
+    /// Which roundings, or which order of quadrature, it leaves room for.
+    pub reason: &'static str,
+}
 
-/// As [`STAGE_L2`], for the worst value. A ray whose length is a whole number of steps to the last digit may take one
-/// step more in f32 than in f64: that moves its samples and costs one pixel the error of the quadrature itself, a few
-/// thousandths on the coarse grids here.
-pub const STAGE_PEAK: f64 = 5e-3;
+impl Tolerance {
+    /// The same with `more` added to the relative L2 error.
+    pub fn plus(self, more: f64) -> Self {
+        Self { relative_l2: self.relative_l2 + more, ..self }
+    }
 
-/// Means of up to a few hundred voxels in f32.
-pub const MEAN_PEAK: f64 = 1e-5;
+    /// The same, widened for a device whose filter between texels has few bits.
+    pub fn filtered(self, info: &DeviceInfo) -> Self {
+        self.plus(0.5f64.powi(info.filter_bits as i32))
+    }
+}
 
-/// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission): nothing but f32 along some hundred
-/// steps, where the steps themselves are exact.
-pub const CLOSED_L2: f64 = 1e-5;
+/// Makes the constants and [`ALL`].
+macro_rules! tolerances {
+    ($($(#[$doc:meta])* $id:ident { $l2:expr, $peak:expr, $reason:expr })*) => {
+        $($(#[$doc])* pub const $id: Tolerance =
+            Tolerance { name: stringify!($id), relative_l2: $l2, peak: $peak, reason: $reason };)*
 
-/// Single scattering in a homogeneous box, by steps of 1/64 of its shortest side. The midpoint rule is of second
-/// order, (στ/64)²/24 per step, but the way to the light ends at a wall: half a step either way, at random, of a
-/// column of some tens of steps. Over a picture that leaves about 10⁻³.
-pub const LIT_BOX_L2: f64 = 2e-3;
+        /// Every tolerance.
+        pub const ALL: &[&Tolerance] = &[$(&$id),*];
+    };
+}
 
-/// A thin medium in a uniform environment: the first order in the depth of its own shadow that the closed form leaves
-/// out, for an optical depth of 10⁻³ across.
-pub const THIN_L2: f64 = 2e-3;
+tolerances! {
+    /// What is copied, picked or counted.
+    EXACT { 0.0, 0.0, "Nothing is computed: values are copied, picked or counted." }
 
-/// Contents that are equal but for the place of the directions in their pixels, at the centre or at the mean of the
-/// light: with both at the centres they differ by 3·10⁻⁶, as they are by 2.4·10⁻⁴, and devices change nothing of that.
-pub const CONTENT_L2: f64 = 5e-4;
+    /// A stage in f32 against its twin in f64.
+    STAGE { 1e-5, 5e-3,
+        "f32 against f64: places in index space are good to 2⁻²³ of some ten voxels and sums run over a few hundred \
+         terms, about 10⁻⁶; a cancelled or contracted product is of the same size. Worst value: a ray whose length is \
+         a whole number of steps to the last digit may take one step more in f32, which moves its samples and costs \
+         one pixel the error of the quadrature itself, a few thousandths on the coarse grids here." }
 
-/// Records in cells of half a voxel against brute force. The density is noise from voxel to voxel, so the error is
-/// that of interpolation between cells and of second order: 3.2 % at cells of a voxel, 1.1 % at half. Finer
-/// directions, environment and view steps move it by a tenth.
-pub const BRUTE_HALF_VOXEL_L2: f64 = 1.5e-2;
+    /// As [`STAGE`], of means.
+    MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }
 
-/// As [`BRUTE_HALF_VOXEL_L2`], at less than a quarter of a voxel: 0.38 %.
-pub const BRUTE_QUARTER_VOXEL_L2: f64 = 5e-3;
+    /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
+    CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }
 
-/// Direct lights against brute force, at a quarter of a voxel a step: the midpoint rule against exact columns.
-pub const BRUTE_DIRECT_L2: f64 = 3e-3;
+    /// Single scattering in a homogeneous box, by steps of 1/64 of its shortest side.
+    LIT_BOX { 2e-3, f64::INFINITY,
+        "The midpoint rule is of second order, (στ/64)²/24 per step, but the way to the light ends at a wall: half a \
+         step either way, at random, of a column of some tens of steps. Over a picture that leaves about 10⁻³." }
 
-/// Transmittance against the reference pictures, relative to their RGB. Their own quadrature is exact to 10⁻⁸; ours
-/// takes 16 sub-pixel positions instead of all of the pixel.
-pub const PICTURE_TRANSMITTANCE_L2: f64 = 1e-3;
+    /// A thin medium in a uniform environment.
+    THIN { 2e-3, f64::INFINITY,
+        "The first order in the depth of the medium's own shadow, which the closed form leaves out, for an optical \
+         depth of 10⁻³ across. Toward the eye, in addition, the phase function taken at the directions and not \
+         integrated over their pixels." }
 
-/// Lights and emission against the reference pictures (own error up to 6·10⁻⁵): sub-pixel positions and steps.
-pub const PICTURE_DIRECT_L2: f64 = 5e-3;
+    /// Contents that are equal but for the place of the directions in their pixels.
+    CONTENT { 5e-4, 5e-4,
+        "Directions stand at the centre of their pixels or at the mean of the light: with both at the centres the \
+         contents differ by 3·10⁻⁶, as they are by 2.4·10⁻⁴, and devices change nothing of that." }
 
-/// Records of 40 cells against the reference pictures (own noise up to 0.5 %): interpolation between cells and the
-/// number of directions.
-pub const PICTURE_RECORDS_L2: f64 = 2e-2;
+    /// Records in cells of half a voxel against brute force.
+    BRUTE_HALF_VOXEL { 1.5e-2, f64::INFINITY,
+        "Interpolation between cells, of second order, of a density that is noise from voxel to voxel: 3.2 % at cells \
+         of a voxel, 1.1 % at half. Finer directions, environment and view steps move it by a tenth." }
 
-/// As [`PICTURE_RECORDS_L2`], with a phase function that six bands hold to gⁱ, g = 0.5: the first band left out weighs
-/// 1.6 %.
-pub const PICTURE_PHASE_L2: f64 = 3e-2;
+    /// As [`BRUTE_HALF_VOXEL`], in cells of less than a quarter of a voxel.
+    BRUTE_QUARTER_VOXEL { 5e-3, f64::INFINITY,
+        "Interpolation between cells of less than a quarter of a voxel: 0.38 %." }
 
-/// Coefficients of the environment against the reference's, which were summed over an eight times finer grid in f64.
-pub const ENVIRONMENT_COEFFICIENTS: f64 = 1e-4;
+    /// Direct lights against brute force.
+    BRUTE_DIRECT { 3e-3, f64::INFINITY, "The midpoint rule at a quarter of a voxel a step, against exact columns." }
 
-/// [`STAGE_L2`], widened for a device whose filter between texels has few bits.
-pub fn stage_l2(info: &DeviceInfo) -> f64 {
-    STAGE_L2 + 0.5f64.powi(info.filter_bits as i32)
+    /// Transmittance against the reference pictures, relative to their RGB.
+    PICTURE_TRANSMITTANCE { 1e-3, f64::INFINITY,
+        "The pictures' own quadrature is exact to 10⁻⁸; ours takes 16 sub-pixel positions instead of all of the pixel." }
+
+    /// Lights and emission against the reference pictures.
+    PICTURE_DIRECT { 5e-3, f64::INFINITY,
+        "Sub-pixel positions and steps; the pictures' own error is up to 6·10⁻⁵." }
+
+    /// Records of 40 cells against the reference pictures.
+    PICTURE_RECORDS { 2e-2, f64::INFINITY,
+        "Interpolation between cells and the number of directions; the pictures' own noise is up to 0.5 %." }
+
+    /// As [`PICTURE_RECORDS`], with a phase function that six bands hold to gⁱ, g = 0.5.
+    PICTURE_PHASE { 3e-2, f64::INFINITY,
+        "Interpolation between cells and the number of directions; the first band left out weighs 1.6 %." }
+
+    /// Coefficients of the environment against the reference's; the largest is of the order of one.
+    ENVIRONMENT_COEFFICIENTS { 1e-4, 1e-4,
+        "The reference's were summed over an eight times finer grid in f64." }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_is_named_once_and_says_why() {
+        for (i, t) in ALL.iter().enumerate() {
+            assert!(t.reason.ends_with('.') && t.relative_l2 >= 0.0 && t.peak >= 0.0, "{t:?}");
+            assert!(ALL[..i].iter().all(|other| other.name != t.name), "{} stands twice", t.name);
+        }
+    }
 }

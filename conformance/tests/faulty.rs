@@ -1,15 +1,19 @@
-//! The suite proves itself: a device with one broken stage must fail.
+//! The suite proves itself: a device with one broken stage must fail. Each stage of each device is broken in turn, on
+//! the devices that `AIRLIGHT_DEVICES` lists (`cpu` without it); one that `AIRLIGHT_REQUIRE` names and that cannot be
+//! had is a failure, the others are skipped aloud.
 
 use airlight::device::{Fault, Faulty};
 use airlight::stage::Stage;
-use airlight_conformance::{Case, Subject, cases};
+use airlight_conformance::{Case, Failed, Subject, cases, listed};
+use libtest_mimic::{Arguments, Completion, Trial};
 
 /// A multiple that no rounding makes: a tenth of a per cent.
 const SLIGHTLY: f32 = 1.001;
 
-fn broken(stage: &'static str, fault: Fault) -> Subject {
+fn broken(choice: &str, stage: &'static str, fault: Fault) -> Subject {
+    let choice = choice.to_owned();
     Subject::new(format!("{stage} {fault:?}"), move || {
-        let device = airlight::open("cpu").map_err(|e| e.to_string())?;
+        let device = airlight::open(&choice).map_err(|e| e.to_string())?;
         Ok(Box::new(Faulty::new(device, stage, fault)))
     })
 }
@@ -20,37 +24,61 @@ fn group(prefix: &str) -> Vec<Case> {
     found
 }
 
-#[test]
-fn every_case_of_a_stage_notices_every_fault_of_it() {
-    for stage in Stage::NAMES {
-        for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
-            let subject = broken(stage, fault);
-            for case in group(&format!("stage::{stage}::")) {
-                assert!(case.run(&subject).is_err(), "{} passes with {stage} broken by {fault:?}", case.name());
-            }
+/// Every one of `cases` must fail on `subject`; those that mean nothing on it are left out.
+fn noticed(subject: &Subject, cases: Vec<Case>) -> Result<(), Failed> {
+    for case in cases {
+        let result = case.run(subject);
+        if result.outcome.passed() {
+            return Err(format!("{} passes with {}", case.name(), subject.name()).into());
         }
     }
+    Ok(())
 }
 
-#[test]
-fn whole_pictures_notice_too() {
+/// What a device must fail as soon as one of its stages is broken, and pass where none is.
+fn proof(choice: &str) -> Vec<Trial> {
+    const PICTURES: &str = "closed::thin_uniform_radiance";
+    let mut trials = Vec::new();
     for stage in Stage::NAMES {
-        for fault in [Fault::Skip, Fault::Fail, Fault::Scale(1.05)] {
+        for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
+            let subject = broken(choice, stage, fault);
+            let name = format!("{choice}::every_case_of_a_stage_notices::{}", subject.name());
+            trials.push(Trial::test(name, move || noticed(&subject, group(&format!("stage::{stage}::")))));
+        }
+        for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {
             // Only whether a maximum is zero matters to a picture.
             if stage == "reduce" && matches!(fault, Fault::Scale(_)) {
                 continue;
             }
-            let subject = broken(stage, fault);
-            let noticed = group("closed::thin_uniform_radiance").iter().all(|case| case.run(&subject).is_err());
-            assert!(noticed, "closed forms pass with {stage} broken by {fault:?}");
+            let subject = broken(choice, stage, fault);
+            let name = format!("{choice}::whole_pictures_notice::{}", subject.name());
+            trials.push(Trial::test(name, move || noticed(&subject, group(PICTURES))));
         }
     }
+    let whole = Subject::of_choice(choice);
+    trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
+        for case in group("stage::").into_iter().chain(group(PICTURES)) {
+            case.run(&whole).verdict()?;
+        }
+        Ok(())
+    }));
+    trials
 }
 
-#[test]
-fn a_whole_device_passes_what_broken_ones_fail() {
-    let whole = Subject::of_choice("cpu");
-    for case in group("stage::").into_iter().chain(group("closed::thin_uniform_radiance")) {
-        assert!(case.run(&whole).is_ok(), "{} fails", case.name());
+fn main() {
+    let (mut choices, required) = (listed("AIRLIGHT_DEVICES"), listed("AIRLIGHT_REQUIRE"));
+    if choices.is_empty() {
+        choices.push("cpu".to_owned());
     }
+    choices.extend(required.iter().filter(|r| !choices.contains(r)).cloned().collect::<Vec<_>>());
+    let trials = choices.iter().flat_map(|choice| match airlight::open(choice) {
+        Ok(_) => proof(choice),
+        Err(reason) => {
+            let needed = required.contains(choice);
+            eprintln!("{} {choice}: {reason}", if needed { "MISSING" } else { "SKIPPED" });
+            let absent = move || if needed { Err(reason.into()) } else { Ok(Completion::ignored_with(reason)) };
+            vec![Trial::ignorable_test(format!("{choice}::available"), absent)]
+        }
+    });
+    libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
 }

@@ -91,7 +91,7 @@ fn reference(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>>
             picture.settings,
             picture.samples().map_err(told)?,
             percent(found.radiance.relative_l2),
-            percent(picture.limit),
+            percent(picture.tolerance.relative_l2),
             percent(found.alpha.relative_l2),
             found.seconds
         )?;

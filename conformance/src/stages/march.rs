@@ -13,11 +13,9 @@ use airlight::stage::{
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
-use super::widen;
-use crate::bench::Bench;
-use crate::compare::{compare, same_bits};
+use crate::bench::{Bench, cuts};
 use crate::fixtures::{DIMS, Map, camera, density, grey, noise, sky};
-use crate::{Subject, check, tolerance};
+use crate::{Axis, Record, Subject, check};
 
 /// One set of parameters.
 #[derive(Clone)]
@@ -168,13 +166,18 @@ fn some<T, R>(data: &[T], make: impl FnOnce(&[T]) -> Result<R, Failed>) -> Resul
     if data.is_empty() { Ok(None) } else { make(data).map(Some) }
 }
 
-/// Runs the set without and with occupancy, which must give the same bits, and compares with the twin.
-pub(super) fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
+/// Whether rays may pass over empty blocks, which must change nothing.
+pub(super) fn occupancies() -> Axis<bool> {
+    Axis::new("occupancy", [("without", false), ("with", true)])
+}
+
+/// Runs the set and holds the film to the twin's.
+pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> {
     let host = host(set);
     let mut bench = Bench::new(subject)?;
     let dims = set.dims.to_array();
     let film: Buf<[f32; 4]> = bench.room(2 * (host.params.width * host.params.height) as usize, Usage::Output)?;
-    let mut march = March {
+    let march = March {
         params: host.params,
         density: bench.scalars(dims, &host.density)?,
         emission: some(&host.emission, |v| bench.scalars(dims, v))?,
@@ -187,9 +190,6 @@ pub(super) fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
         paths: Some(bench.room(2 * (host.params.width * host.params.height) as usize, Usage::Work)?),
         film,
     };
-    bench.run(&Stage::March(march.clone()))?;
-    let plain: Vec<[f32; 4]> = bench.read(film)?;
-
     let [x, y, z, side] = host.params.occupancy_cells;
     let side = side as f32;
     let occupancy = bench.room::<[f32; 2]>((x * y * z) as usize, Usage::Work)?;
@@ -199,15 +199,7 @@ pub(super) fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
         other: march.emission,
         out: occupancy,
     });
-    bench.run(&reduce)?;
-    march.occupancy = Some(occupancy);
-    bench.run(&Stage::March(march))?;
-    let skipping: Vec<[f32; 4]> = bench.read(film)?;
-    same_bits("with and without occupancy", bytemuck::cast_slice(&plain), bytemuck::cast_slice(&skipping))?;
-    if set.block < 8 && set.dims.max_element() > 16 {
-        let empty = bench.read(occupancy)?.iter().filter(|c| c[1] == 0.0).count();
-        check!(empty > 20, "only {empty} empty blocks: the case tries nothing");
-    }
+    let skipping = March { occupancy: Some(occupancy), ..march.clone() };
 
     let inputs = MarchInputs {
         density: &host.density,
@@ -219,20 +211,46 @@ pub(super) fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
         surface: (!host.surface.is_empty()).then_some(&host.surface[..]),
     };
     let expected = reference::march(&host.params, &inputs);
-    let found: Vec<f32> = plain.iter().flatten().copied().collect();
-    let l2 = tolerance::stage_l2(bench.device.info());
-    for (what, channels) in [("radiance", 0..3), ("alpha", 3..4), ("transmittance", 4..7)] {
-        let pick = |i: usize| channels.contains(&(i % 8));
-        let found = widen(&found).enumerate().filter(|(i, _)| pick(*i)).map(|(_, v)| v);
-        let expected = expected.iter().enumerate().filter(|(i, _)| pick(*i)).map(|(_, v)| *v);
-        compare(found, expected).within(what, l2, tolerance::STAGE_PEAK)?;
-    }
-    // Where next to nothing is stopped, one sample at the rim decides, and its density may be a rounding error.
-    let solid = |i: usize| i % 8 == 7 && expected[i - 4] > 1e-3;
-    let depths = widen(&found).enumerate().filter(|(i, _)| solid(*i)).map(|(_, v)| v);
-    let expected_depths = expected.iter().enumerate().filter(|(i, _)| solid(*i)).map(|(_, v)| *v);
-    compare(depths, expected_depths).within("depth", l2, tolerance::STAGE_PEAK)?;
     let seen = expected.chunks_exact(8).filter(|p| p[3] > 1e-3 || p[0] > 1e-3).count();
     check!(seen > 20, "only {seen} pixels show the medium: the case tries nothing");
-    Ok(())
+
+    record.each(&occupancies(), |record, &skips| {
+        record.each(&cuts(), |record, &cut| {
+            let stage = if skips {
+                bench.run(record, &reduce, cut)?;
+                if set.block < 8 && set.dims.max_element() > 16 {
+                    let empty = bench.read(occupancy)?.iter().filter(|c| c[1] == 0.0).count();
+                    check!(empty > 20, "only {empty} empty blocks: the case tries nothing");
+                }
+                skipping.clone()
+            } else {
+                march.clone()
+            };
+            bench.run(record, &Stage::March(stage), cut)?;
+            let found: Vec<[f32; 4]> = bench.read(film)?;
+            hold(record, set, found.as_flattened(), &expected);
+            Ok(())
+        })
+    })
+}
+
+/// Holds a film of eight values a pixel (radiance, alpha, transmittance, depth) to the twin's.
+fn hold(record: &mut Record, set: &Set, found: &[f32], expected: &[f64]) {
+    let (found, expected) = (found.as_chunks::<8>().0, expected.as_chunks::<8>().0);
+    let size = [set.camera.width, set.camera.height];
+    record.picture(
+        "radiance",
+        size,
+        found.iter().map(|p| [p[0], p[1], p[2]]),
+        expected.iter().map(|p| [p[0], p[1], p[2]]),
+    );
+    record.hold("alpha", found.iter().map(|p| p[3]), expected.iter().map(|p| p[3]));
+    record.hold(
+        "transmittance",
+        found.iter().flat_map(|p| [p[4], p[5], p[6]]),
+        expected.iter().flat_map(|p| [p[4], p[5], p[6]]),
+    );
+    // Where next to nothing is stopped, one sample at the rim decides, and its density may be a rounding error.
+    let solid = || found.iter().zip(expected).filter(|(_, e)| e[3] > 1e-3);
+    record.hold("depth", solid().map(|(f, _)| f[7]), solid().map(|(_, e)| e[7]));
 }

@@ -6,14 +6,19 @@ use airlight::media::{Optics, Phase};
 use airlight::scene::Camera;
 use airlight::stage::shadow_kind;
 
-use super::march::{InScatter, Set, one, plain};
-use crate::Case;
+use super::case;
+use super::march::{InScatter, Set, occupancies, one, plain};
 use crate::fixtures::{Map, camera, chromatic, grey, phases};
+use crate::{Case, Record, Subject, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
     let sets = [transmittance(), emission(), in_scatter(), lights(), background(), views()];
-    let case = |set: Set| Case::new(format!("stage::march::{}", set.name), move |subject| one(subject, &set));
-    sets.into_iter().flatten().map(case).collect()
+    let made = |set: Set| {
+        let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
+        let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
+        case("march", &name, "film", &tolerance::STAGE, run).varies(&occupancies()).at("map", map)
+    };
+    sets.into_iter().flatten().map(made).collect()
 }
 
 /// Radiance J that the medium scatters, from records or lights.

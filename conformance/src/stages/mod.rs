@@ -6,13 +6,26 @@ mod project;
 mod reduce;
 mod relight;
 
-use crate::Case;
+use libtest_mimic::Failed;
+
+use crate::bench::cuts;
+use crate::{Case, Record, Subject, Tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
     [reduce::cases(), project::cases(), relight::cases(), march_cases::cases()].into_iter().flatten().collect()
 }
 
-/// Floats widened for comparison.
-fn widen(values: &[f32]) -> impl Iterator<Item = f64> + use<'_> {
-    values.iter().map(|&v| f64::from(v))
+/// A case of a stage, whose work is cut in every way, and whose tolerance is that of the device's filter.
+fn case(
+    stage: &str,
+    name: &str,
+    gives: &str,
+    tolerance: &'static Tolerance,
+    run: impl Fn(&Subject, &mut Record) -> Result<(), Failed> + Send + Sync + 'static,
+) -> Case {
+    let checks = format!("{stage} gives the {gives} of its twin in f64 ({}).", name.replace('_', " "));
+    let filtered = move |subject: &Subject, record: &mut Record| {
+        record.within(tolerance.filtered(record.info()), |record| run(subject, record))
+    };
+    Case::new(format!("stage::{stage}::{name}"), checks, filtered).within(tolerance).varies(&cuts())
 }

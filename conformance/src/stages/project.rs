@@ -9,11 +9,10 @@ use airlight::stage::{GridParams, PhaseParams, Project, ProjectParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
-use super::widen;
-use crate::bench::Bench;
-use crate::compare::compare;
+use super::case;
+use crate::bench::{Bench, cuts};
 use crate::fixtures::{DIMS, Map, density, noise, phases};
-use crate::{Case, Subject, check, tolerance};
+use crate::{Case, Record, Subject, check, tolerance};
 
 const CELLS: [u32; 3] = [4, 3, 5];
 
@@ -80,11 +79,15 @@ pub(crate) fn cases() -> Vec<Case> {
         map: Map::Sheared,
         ..Set { phase: Some(hg), ..plain("toward_eye_with_emission") }
     });
-    let case = |set: Set| Case::new(format!("stage::project::{}", set.name), move |subject| one(subject, &set));
-    sets.into_iter().map(case).collect()
+    let made = |set: Set| {
+        let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
+        let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
+        case("project", &name, "records", &tolerance::STAGE, run).at("map", map)
+    };
+    sets.into_iter().map(made).collect()
 }
 
-fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
+fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> {
     let lattice = set.map.lattice(DIMS);
     let grid = GridParams::new(&lattice);
     let mut params = ProjectParams::zeroed();
@@ -137,7 +140,6 @@ fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
             .transpose()?,
     };
     let (records, emission_records) = (stage.records, stage.emission_records);
-    bench.run(&Stage::Project(stage))?;
     let inputs = ProjectInputs {
         density: &rho,
         emission: own,
@@ -148,14 +150,18 @@ fn one(subject: &Subject, set: &Set) -> Result<(), Failed> {
         phase_table: &table,
     };
     let (expected, expected_emission) = reference::project(&params, &inputs);
-    let found = bench.read(records)?;
-    let l2 = tolerance::stage_l2(bench.device.info());
-    compare(widen(&found), expected).within("records", l2, tolerance::STAGE_PEAK)?;
-    if set.eliminated {
-        let stride = found.len() / cells;
-        let zero = found[stride..2 * stride].iter().all(|v| *v == 0.0);
-        check!(zero, "the record of an empty cell is not zero");
-    }
-    let found = emission_records.map(|buf| bench.read(buf)).transpose()?.unwrap_or_default();
-    compare(widen(&found), expected_emission).within("emission records", l2, tolerance::STAGE_PEAK)
+    let stage = Stage::Project(stage);
+    record.each(&cuts(), |record, &cut| {
+        bench.run(record, &stage, cut)?;
+        let found = bench.read(records)?;
+        record.hold("records", found.iter().copied(), expected.iter().copied());
+        if set.eliminated {
+            let stride = found.len() / cells;
+            let zero = found[stride..2 * stride].iter().all(|v| *v == 0.0);
+            check!(zero, "the record of an empty cell is not zero");
+        }
+        let found = emission_records.map(|buf| bench.read(buf)).transpose()?.unwrap_or_default();
+        record.hold("emission records", found, expected_emission.iter().copied());
+        Ok(())
+    })
 }

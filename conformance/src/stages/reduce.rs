@@ -5,10 +5,12 @@ use airlight::reference::{self, ReduceInputs};
 use airlight::stage::{Reduce, ReduceParams, Stage};
 use libtest_mimic::Failed;
 
-use crate::bench::Bench;
-use crate::compare::compare;
+use super::case;
+use crate::bench::{Bench, cuts};
 use crate::fixtures::{DIMS, density, noise};
-use crate::{Case, Subject, check, tolerance};
+use crate::{Case, Record, Subject, tolerance};
+
+const GIVES: &str = "means and maxima";
 
 pub(crate) fn cases() -> Vec<Case> {
     // Cells along each axis, probes, margin, and whether a second field counts.
@@ -31,16 +33,17 @@ pub(crate) fn cases() -> Vec<Case> {
                 coarse: [cells[0], cells[1], cells[2], probes],
                 cell: [side(0), side(1), side(2), margin],
             };
-            Case::new(format!("stage::reduce::{name}"), move |subject| one(subject, params, second))
+            case("reduce", name, GIVES, &tolerance::MEAN, move |subject, record| one(subject, record, params, second))
         })
         .collect();
     // Cells that reach past the box, as the march's occupancy has them.
     let params = ReduceParams { dims: [DIMS.x, DIMS.y, DIMS.z, 0], coarse: [4, 3, 5, 0], cell: [2.0, 2.0, 2.0, 0.0] };
-    cases.push(Case::new("stage::reduce::blocks_past_the_box", move |subject| one(subject, params, true)));
+    let past = move |subject: &Subject, record: &mut Record| one(subject, record, params, true);
+    cases.push(case("reduce", "blocks_past_the_box", GIVES, &tolerance::MEAN, past));
     cases
 }
 
-fn one(subject: &Subject, params: ReduceParams, second: bool) -> Result<(), Failed> {
+fn one(subject: &Subject, record: &mut Record, params: ReduceParams, second: bool) -> Result<(), Failed> {
     let field = density(DIMS, 11);
     // A second field that is dense where the first is empty.
     let other: Vec<f32> =
@@ -50,20 +53,19 @@ fn one(subject: &Subject, params: ReduceParams, second: bool) -> Result<(), Fail
     let second = second.then(|| bench.scalars(DIMS.to_array(), &other)).transpose()?;
     let cells = params.coarse[..3].iter().product::<u32>() as usize;
     let out = bench.room::<[f32; 2]>(cells, Usage::Work)?;
-    bench.run(&Stage::Reduce(Reduce { params, density, other: second, out }))?;
-    let found = bench.read(out)?;
     let expected = reference::reduce(&params, &ReduceInputs { density: &field, other: second.map(|_| &other[..]) });
-    let pick = |i: usize| (found.iter().map(move |v| f64::from(v[i])), expected.iter().skip(i).step_by(2).copied());
-    let (means, expected_means) = pick(0);
-    let l2 = tolerance::stage_l2(bench.device.info());
-    compare(means, expected_means).within("means", l2, tolerance::MEAN_PEAK)?;
-    let (maxima, expected_maxima) = pick(1);
-    if params.coarse[3] > 0 {
-        return compare(maxima, expected_maxima).within("probed maxima", l2, tolerance::MEAN_PEAK);
-    }
-    // Nothing is computed, only picked.
-    for (cell, (found, expected)) in maxima.zip(expected_maxima).enumerate() {
-        check!(found == expected, "maximum of cell {cell}: {found}, not {expected}");
-    }
-    Ok(())
+    let expected = |i: usize| expected.iter().skip(i).step_by(2).copied();
+    record.each(&cuts(), |record, &cut| {
+        bench.run(record, &Stage::Reduce(Reduce { params, density, other: second, out }), cut)?;
+        let found = bench.read(out)?;
+        let found = |i: usize| found.iter().map(move |v| v[i]);
+        record.hold("means", found(0), expected(0));
+        if params.coarse[3] > 0 {
+            record.hold("probed maxima", found(1), expected(1));
+        } else {
+            // Nothing is computed, only picked.
+            record.within(tolerance::EXACT, |record| record.hold("maxima", found(1), expected(1)));
+        }
+        Ok(())
+    })
 }

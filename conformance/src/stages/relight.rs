@@ -5,11 +5,10 @@ use airlight::reference::{self, RelightInputs};
 use airlight::stage::{Relight, RelightParams, Stage};
 use libtest_mimic::Failed;
 
-use super::widen;
-use crate::bench::Bench;
-use crate::compare::compare;
+use super::case;
+use crate::bench::{Bench, cuts};
 use crate::fixtures::noise;
-use crate::{Case, Subject, tolerance};
+use crate::{Case, Record, Subject, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
     // Coefficients, channels of a record, layers, and whether the medium emits.
@@ -23,7 +22,7 @@ pub(crate) fn cases() -> Vec<Case> {
         ("layers_with_emission", 36, 3, 36, true),
         ("ten_bands", 100, 3, 100, true),
     ];
-    let case = |(name, coefficients, channels, layers, emits): (&str, u32, u32, u32, bool)| {
+    let made = |(name, coefficients, channels, layers, emits): (&str, u32, u32, u32, bool)| {
         let params = RelightParams {
             cells: 301,
             coefficients,
@@ -34,12 +33,12 @@ pub(crate) fn cases() -> Vec<Case> {
             unused_0: 0,
             unused_1: 0,
         };
-        Case::new(format!("stage::relight::{name}"), move |subject| one(subject, params))
+        case("relight", name, "radiance J", &tolerance::STAGE, move |subject, record| one(subject, record, params))
     };
-    sets.into_iter().map(case).collect()
+    sets.into_iter().map(made).collect()
 }
 
-fn one(subject: &Subject, params: RelightParams) -> Result<(), Failed> {
+fn one(subject: &Subject, record: &mut Record, params: RelightParams) -> Result<(), Failed> {
     let cells = params.cells as usize;
     let signed = |seed: u64, n: u32| -> Vec<f32> { noise(seed, n as usize).iter().map(|v| v - 0.3).collect() };
     let records = signed(21, params.cells * params.coefficients * params.channels);
@@ -55,12 +54,15 @@ fn one(subject: &Subject, params: RelightParams) -> Result<(), Failed> {
         out: bench.room(cells * params.layers as usize, Usage::Work)?,
     };
     let out = stage.out;
-    bench.run(&Stage::Relight(stage))?;
-    let found: Vec<[f32; 4]> = bench.read(out)?;
     let inputs = RelightInputs { records: &records, emission_records: &emission, light: &light };
     let expected = reference::relight(&params, &inputs);
     // The fourth value of a texel is unused.
-    let found: Vec<f32> = found.iter().flat_map(|v| [v[0], v[1], v[2]]).collect();
-    let expected = expected.chunks_exact(4).flat_map(|v| [v[0], v[1], v[2]]);
-    compare(widen(&found), expected).within("J", tolerance::STAGE_L2, tolerance::STAGE_PEAK)
+    let expected: Vec<f64> = expected.chunks_exact(4).flat_map(|v| [v[0], v[1], v[2]]).collect();
+    let stage = Stage::Relight(stage);
+    record.each(&cuts(), |record, &cut| {
+        bench.run(record, &stage, cut)?;
+        let found: Vec<[f32; 4]> = bench.read(out)?;
+        record.hold("J", found.iter().flat_map(|v| [v[0], v[1], v[2]]), expected.iter().copied());
+        Ok(())
+    })
 }

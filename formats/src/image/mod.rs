@@ -15,7 +15,7 @@ use std::path::Path;
 use airlight_core::light::{Environment, Image, clamp_texels};
 use airlight_core::scene::Film;
 
-pub use self::exr::{Exr, read_exr_channels, write_exr, write_exr_channels};
+pub use self::exr::{Exr, parse_exr_channels, read_exr_channels, write_exr, write_exr_channels};
 pub use self::png::{write_png, write_png_rgb8};
 pub use self::tone::{Curve, ToneMap};
 

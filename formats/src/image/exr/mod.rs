@@ -3,8 +3,8 @@
 mod read;
 mod write;
 
-pub use read::read_exr_channels;
 pub(super) use read::{MAGIC, read_rgb};
+pub use read::{parse_exr_channels, read_exr_channels};
 pub use write::{write_exr, write_exr_channels};
 
 /// The first part of an OpenEXR file: every channel as 32-bit floats.

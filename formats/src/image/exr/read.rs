@@ -1,7 +1,7 @@
 //! Reading.
 
 use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -36,12 +36,27 @@ const SMALL: u64 = 1 << 24;
 /// # Errors
 /// As [`read_image`](crate::image::read_image); deep data and subsampled channels, which are not read.
 pub fn read_exr_channels(path: &Path) -> Result<Exr, FormatError> {
-    read_channels(path, open(path)?)
+    let file = open(path)?;
+    let bytes = size(path, &file)?;
+    read_channels(path, file, bytes)
+}
+
+/// As [`read_exr_channels`], of a file in memory: `path` is only for messages.
+///
+/// # Errors
+/// As [`read_exr_channels`].
+pub fn parse_exr_channels(path: &Path, bytes: &[u8]) -> Result<Exr, FormatError> {
+    read_channels(path, Cursor::new(bytes), bytes.len() as u64)
+}
+
+fn size(path: &Path, file: &BufReader<File>) -> Result<u64, FormatError> {
+    Ok(file.get_ref().metadata().map_err(FormatError::io(path))?.len())
 }
 
 /// Reads RGB, or Y as grey, and alpha where there is one.
 pub(in crate::image) fn read_rgb(path: &Path, file: BufReader<File>) -> Result<LoadedImage, FormatError> {
-    let exr = read_channels(path, file)?;
+    let bytes = size(path, &file)?;
+    let exr = read_channels(path, file, bytes)?;
     let rgb = match (exr.channel("R"), exr.channel("G"), exr.channel("B"), exr.channel("Y")) {
         (Some(r), Some(g), Some(b), _) => [r, g, b],
         (None, None, None, Some(y)) => [y; 3],
@@ -57,15 +72,14 @@ pub(in crate::image) fn read_rgb(path: &Path, file: BufReader<File>) -> Result<L
     Ok(LoadedImage { format: ImageFormat::Exr, image, alpha })
 }
 
-fn read_channels(path: &Path, file: BufReader<File>) -> Result<Exr, FormatError> {
-    let bytes = file.get_ref().metadata().map_err(FormatError::io(path))?.len();
+fn read_channels(path: &Path, file: impl Read + Seek, bytes: u64) -> Result<Exr, FormatError> {
     // The decoder asserts some of its invariants on what files say; a damaged file must stay an error.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, bytes)));
     decoded
         .unwrap_or_else(|_| Err(FormatError::content(path, None, "is damaged; the decoder of OpenEXR gave up on it")))
 }
 
-fn decode(path: &Path, mut file: BufReader<File>, bytes: u64) -> Result<Exr, FormatError> {
+fn decode(path: &Path, mut file: impl Read + Seek, bytes: u64) -> Result<Exr, FormatError> {
     let meta = MetaData::read_from_buffered(&mut file, false).map_err(|e| wrong(path, e))?;
     for header in &meta.headers {
         check_claim(path, header, bytes)?;
