@@ -20,6 +20,9 @@ pub struct CpuDevice {
     times: Vec<StageTime>,
 }
 
+/// Bytes of a resource for which the system is asked what it has free.
+const LARGE: u64 = 16 << 20;
+
 /// Memory in units of sixteen bytes, so that every element type is aligned.
 struct Resource {
     memory: Vec<[u32; 4]>,
@@ -105,8 +108,15 @@ impl Device for CpuDevice {
                 return Err(DeviceError::Limit { what: "a field's layer", requested: layer, limit });
             }
         }
-        let requested = spec.bytes();
+        let (requested, limit) = (spec.bytes(), self.info.limits.buffer_bytes);
+        if requested > limit {
+            return Err(DeviceError::Limit { what: "a resource", requested, limit });
+        }
         let missing = || DeviceError::OutOfMemory { requested, available: memory::free() };
+        // A system may promise memory that is not there, and end the process that fills it with zeros.
+        if requested > LARGE && memory::free().is_some_and(|free| requested > free) {
+            return Err(missing());
+        }
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
         memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;

@@ -5,7 +5,7 @@ use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::time::Duration;
 
-use airlight_core::device::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
+use airlight_core::device::{Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime};
 use airlight_core::stage::Stage;
 use bytemuck::Zeroable;
 
@@ -137,5 +137,12 @@ impl Device for OpenclDevice {
 
     fn set_patience(&mut self, patience: Option<Duration>) {
         self.cl.set_patience(patience);
+    }
+
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        // Sides of fields are cut nowhere.
+        let Limits { field_side, .. } = self.info.limits;
+        self.info.limits = Limits { field_side, ..self.info.limits.min(limits) };
+        true
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, FieldFormat, ResourceId, ResourceSpec, StageTime,
+    Binding, Buf, Device, DeviceError, DeviceInfo, FieldFormat, Limits, ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::stage::Stage;
 use wgpu::QuerySet;
@@ -201,5 +201,10 @@ impl Device for WgpuDevice {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.clock.finish(&mut self.gpu)
+    }
+
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        self.info.limits = self.info.limits.min(limits);
+        true
     }
 }

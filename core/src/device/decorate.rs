@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use super::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
+use super::{Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime};
 use crate::device::{Binding, BindingAccess};
 use crate::stage::Stage;
 
@@ -40,6 +40,10 @@ macro_rules! forward {
 
         fn set_patience(&mut self, patience: Option<Duration>) {
             self.inner.set_patience(patience);
+        }
+
+        fn narrow(&mut self, limits: &Limits) -> bool {
+            self.inner.narrow(limits)
         }
     };
 }

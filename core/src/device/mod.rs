@@ -81,6 +81,14 @@ pub trait Device: Send {
     fn set_patience(&mut self, patience: Option<Duration>) {
         let _ = patience;
     }
+
+    /// Keeps from now on to limits no larger than these, where it cuts what exceeds them, so that its cuts can be tried
+    /// on small data. To be called before anything is created. Gives whether it does; a device that cuts nothing has
+    /// nothing to try.
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        let _ = limits;
+        false
+    }
 }
 
 /// The time one dispatch took on the device.
@@ -138,6 +146,18 @@ pub struct Limits {
     pub field_side: u32,
     /// How often all loops of one invocation of a kernel may turn together, where the driver bounds that.
     pub loop_turns: Option<u32>,
+}
+
+impl Limits {
+    /// The smaller of each.
+    pub fn min(&self, other: &Self) -> Self {
+        Self {
+            buffer_bytes: self.buffer_bytes.min(other.buffer_bytes),
+            binding_bytes: self.binding_bytes.min(other.binding_bytes),
+            field_side: self.field_side.min(other.field_side),
+            loop_turns: self.loop_turns.into_iter().chain(other.loop_turns).min(),
+        }
+    }
 }
 
 /// What a device is and can do.
@@ -224,7 +244,7 @@ pub struct Provider {
     pub name: &'static str,
     /// The backend's devices, or why it has none. Never panics, and loads the backend's runtime only here.
     pub enumerate: fn() -> Result<Vec<DeviceInfo>, Unavailable>,
-    /// Opens the device of an index that `enumerate` gave.
+    /// Opens the device of an index that `enumerate` gave. May be called on several threads at once, as `enumerate`.
     pub open: fn(usize) -> Result<Box<dyn Device>, Unavailable>,
 }
 

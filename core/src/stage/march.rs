@@ -23,9 +23,9 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3};
 
+use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-
 use crate::stage::grid::is_scalar;
 use crate::stage::{Kernel, PhaseParams, require};
 
@@ -285,6 +285,8 @@ impl Kernel for March {
             require!(spec.dims == cells && spec.layers == layers, "in-scatter of {spec:?} for {:?}", p.cells);
             require!(spec.format == FieldFormat::Rgba && layers > 0, "in-scatter of {spec:?}");
             if layers > 1 {
+                let most = SphericalHarmonics::DEVICE_BANDS;
+                require!(p.bands <= most, "{} bands, and kernels have room for {most}", p.bands);
                 require!(p.bands * p.bands == layers, "{} bands for {layers} layers", p.bands);
                 let triangle = u64::from(p.bands) * u64::from(p.bands + 1) / 2;
                 table = table.max(u64::from(p.harmonics_at) + 2 * triangle);
