@@ -109,6 +109,11 @@ impl F {
     }
 
     #[inline(always)]
+    pub(crate) fn abs(self) -> Self {
+        Self(lanes!(i => self.0[i].abs()))
+    }
+
+    #[inline(always)]
     pub(crate) fn floor(self) -> Self {
         Self(lanes!(i => self.0[i].floor()))
     }
@@ -142,12 +147,6 @@ impl F {
     #[inline(always)]
     pub(crate) fn away_from_zero(self) -> Self {
         Self(lanes!(i => if self.0[i].abs() < 1e-20 { 1e-20 } else { self.0[i] }))
-    }
-
-    /// Each lane through a scalar function: for what is rare.
-    #[inline(always)]
-    pub(crate) fn each(self, f: impl Fn(f32) -> f32) -> Self {
-        Self(lanes!(i => f(self.0[i])))
     }
 
     #[inline(always)]

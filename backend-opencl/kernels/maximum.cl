@@ -2,7 +2,7 @@
 
 float probe_FIELD(const Bound *bound, uint3 cell);
 
-// The maximum over every voxel that a lookup in the widened cell can touch, or over probes.
+// The maximum over every voxel that a lookup in the widened cell can touch, or over probes: over the rows of this pass.
 float maximum_FIELD(const Bound *bound, uint3 cell) {
     if (bound->params->coarse.w > 0u) {
         return probe_FIELD(bound, cell);
@@ -14,28 +14,29 @@ float maximum_FIELD(const Bound *bound, uint3 cell) {
     float3 end = convert_float3(cell + 1u) * side - 0.5f + margin;
     int3 lo = convert_int3(within_FIELD(floor(begin), size));
     int3 hi = convert_int3(within_FIELD(floor(end) + 1.0f, size));
+    uint across = (uint)(hi.y - lo.y + 1);
+    uint rows = across * (uint)(hi.z - lo.z + 1);
     float most = 0.0f;
-    for (int k = lo.z; k <= hi.z; k++) {
-        for (int j = lo.y; j <= hi.y; j++) {
-            for (int i = lo.x; i <= hi.x; i++) {
-                most = fmax(most, texel_FIELD(bound, (int3)(i, j, k), size, 0));
-            }
+    for (uint row = bound->params->row_begin; row < min(bound->params->row_end, rows); row++) {
+        int j = lo.y + (int)(row % across);
+        int k = lo.z + (int)(row / across);
+        for (int i = lo.x; i <= hi.x; i++) {
+            most = fmax(most, texel_FIELD(bound, (int3)(i, j, k), size, 0));
         }
     }
     return most;
 }
 
-// The maximum of n^3 lookups, evenly spread over the cell.
+// The maximum of n^3 lookups, evenly spread over the cell: over the rows of this pass.
 float probe_FIELD(const Bound *bound, uint3 cell) {
     uint n = bound->params->coarse.w;
     int3 size = convert_int3(bound->params->dims.xyz);
     float most = 0.0f;
-    for (uint k = 0u; k < n; k++) {
-        for (uint j = 0u; j < n; j++) {
-            for (uint i = 0u; i < n; i++) {
-                float3 place = convert_float3(cell) + (convert_float3((uint3)(i, j, k)) + 0.5f) / convert_float(n);
-                most = fmax(most, sample_FIELD(bound, place * bound->params->cell.xyz - 0.5f, size, 0));
-            }
+    for (uint row = bound->params->row_begin; row < min(bound->params->row_end, n * n); row++) {
+        for (uint i = 0u; i < n; i++) {
+            float3 probe = (convert_float3((uint3)(i, row % n, row / n)) + 0.5f) / convert_float(n);
+            float3 place = (convert_float3(cell) + probe) * bound->params->cell.xyz - 0.5f;
+            most = fmax(most, sample_FIELD(bound, place, size, 0));
         }
     }
     return most;

@@ -26,11 +26,13 @@ void run_project(const Bound *bound) {
     uint glow_values = bound->params->emission_coefficients * 3u;
     __global float *record = bound->records + (size_t)cell * values;
     __global float *emission_record = bound->emission_records + (size_t)cell * glow_values;
-    for (uint v = 0u; v < values; v++) {
-        record[v] = 0.0f;
-    }
-    for (uint v = 0u; v < glow_values; v++) {
-        emission_record[v] = 0.0f;
+    if (bound->params->direction_begin == 0u) {
+        for (uint v = 0u; v < values; v++) {
+            record[v] = 0.0f;
+        }
+        for (uint v = 0u; v < glow_values; v++) {
+            emission_record[v] = 0.0f;
+        }
     }
     if (has_occupancy) {
         if (bound->occupancy[cell].y <= 0.0f) {
@@ -41,7 +43,7 @@ void run_project(const Bound *bound) {
     float3 place = convert_float3((uint3)(cell % cells.x, cell / cells.x % cells.y, cell / cells.x / cells.y));
     float3 side = bound->params->cell.xyz;
     float3 origin = place * side + (0.5f * side - 0.5f);
-    for (uint i = 0u; i < bound->params->directions; i++) {
+    for (uint i = bound->params->direction_begin; i < bound->params->direction_end; i++) {
         float3 transmittance;
         float3 glow;
         gather(bound, origin, bound->directions[i].xyz, &transmittance, &glow);

@@ -136,6 +136,8 @@ pub(crate) fn open(index: usize) -> Result<OpenclDevice, Unavailable> {
 fn describe(index: usize, found: &Found) -> DeviceInfo {
     let device = found.id;
     let kind = DeviceType::from_bits_truncate(number(device, Query::Type).unwrap_or(0));
+    // A device that says both is a processor that imitates a graphics card.
+    let gpu = kind.contains(DeviceType::GPU) && !kind.contains(DeviceType::CPU);
     let shares = number(device, Query::HostUnifiedMemory).is_some_and(|shares| shares != 0);
     let memory_bytes = number(device, Query::GlobalMemSize);
     // OpenCL promises that much where a driver says nothing.
@@ -148,8 +150,8 @@ fn describe(index: usize, found: &Found) -> DeviceInfo {
         index,
         name: words(device, Query::Name),
         kind: match () {
-            () if kind.contains(DeviceType::GPU) && shares => DeviceKind::IntegratedGpu,
-            () if kind.contains(DeviceType::GPU) => DeviceKind::DiscreteGpu,
+            () if gpu && shares => DeviceKind::IntegratedGpu,
+            () if gpu => DeviceKind::DiscreteGpu,
             // Processor cores too, so that a choice among devices takes the backend that is made for them.
             () => DeviceKind::Other,
         },

@@ -161,7 +161,7 @@ impl Store {
     pub(crate) fn bind(&self, bindings: &[Binding]) -> Result<(Vec<Shape>, Vec<Arg<'_>>), DeviceError> {
         let (mut shapes, mut args) = (Vec::new(), Vec::new());
         for binding in bindings {
-            let (mut slabs, mut layered) = (1, false);
+            let mut slabs = 1;
             match (binding.access, binding.id) {
                 (BindingAccess::Sample(spec), Some(id)) => {
                     let volume = self.field(id)?;
@@ -169,9 +169,9 @@ impl Store {
                         let text = format!("{} is {:?}, not {spec:?}", binding.name, volume.spec);
                         return Err(DeviceError::Invalid(text));
                     }
-                    (slabs, layered) = (volume.slabs.count(), spec.layers > 1);
+                    slabs = volume.slabs.count();
                     args.extend(volume.parts.iter().map(Arg::Mem));
-                    args.extend(layered.then_some(Arg::Int(spec.layers as i32)));
+                    args.extend((spec.layers > 1).then_some(Arg::Int(spec.layers as i32)));
                     args.extend((slabs > 1).then_some(Arg::Int(volume.slabs.per_slab as i32)));
                 }
                 (BindingAccess::Read(bytes) | BindingAccess::Write(bytes), Some(id)) => {
@@ -187,7 +187,7 @@ impl Store {
                 }
                 (_, None) => {}
             }
-            shapes.push(Shape::new(binding, slabs, layered));
+            shapes.push(Shape::new(binding, slabs));
         }
         Ok((shapes, args))
     }

@@ -1,16 +1,20 @@
 // Lookups of the field FIELD, whose texels are VALUEs; instantiated for each field of a stage. `size` is the number of
 // texels of a layer along x, y and z.
 
+// `p` within [0, last].
+fn within_FIELD(p: vec3<f32>, size: vec3<i32>) -> vec3<f32> {
+    return clamp(p, vec3<f32>(0.0), vec3<f32>(size - 1));
+}
+
 // The nearest texel of a layer to `p`.
 fn nearest_FIELD(p: vec3<f32>, size: vec3<i32>, layer: i32) -> VALUE {
-    let last = vec3<f32>(size - 1);
-    return texel_FIELD(vec3<i32>(clamp(floor(p + 0.5), vec3<f32>(0.0), last)), size, layer);
+    return texel_FIELD(vec3<i32>(within_FIELD(floor(p + 0.5), size)), size, layer);
 }
 
 // Trilinear lookup of a layer at `p`, where texel i lies at i; x then y then z, indices clamped at the edge.
 fn sample_FIELD(p: vec3<f32>, size: vec3<i32>, layer: i32) -> VALUE {
     // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
-    let q = clamp(p, vec3<f32>(0.0), vec3<f32>(size - 1));
+    let q = within_FIELD(p, size);
     let lo = vec3<i32>(q);
     let hi = min(lo + 1, size - 1);
     let f = q - vec3<f32>(lo);

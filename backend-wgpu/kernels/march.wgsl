@@ -1,13 +1,5 @@
 // `march`: view rays through the medium. One workgroup a block of BLOCK×BLOCK pixels.
 
-@group(1) @binding(3) var<storage, read> occupancy: array<vec2<f32>>;
-@group(1) @binding(4) var<storage, read> lights: array<LightRecord>;
-@group(1) @binding(5) var<storage, read> tables: array<f32>;
-@group(1) @binding(6) var<storage, read> environment: array<vec4<f32>>;
-@group(1) @binding(7) var<storage, read> surface: array<vec4<f32>>;
-@group(1) @binding(8) var<storage, read_write> paths: array<vec4<f32>>;
-@group(1) @binding(9) var<storage, read_write> film: array<vec4<f32>>;
-
 fn phase_value(i: u32) -> f32 {
     return tables[params.phase_at + i];
 }

@@ -2,15 +2,6 @@
 // march along a batch of directions, then each sums its own values of the record over the batch, in the order of the
 // directions.
 
-@group(1) @binding(2) var<storage, read> occupancy: array<vec2<f32>>;
-@group(1) @binding(3) var<storage, read> directions: array<vec4<f32>>;
-@group(1) @binding(4) var<storage, read> weights: array<f32>;
-@group(1) @binding(5) var<storage, read> emission_weights: array<f32>;
-@group(1) @binding(6) var<storage, read> phase_table: array<f32>;
-@group(1) @binding(7) var<storage, read_write> records: array<f32>;
-@group(1) @binding(8) var<storage, read_write> emission_records: array<f32>;
-
-const LANES: u32 = 64u;
 // Values of a record and of the emission's moments that one invocation may have to sum.
 const SLOTS: u32 = (6u * HARMONICS_MAX + LANES - 1u) / LANES;
 
@@ -25,7 +16,7 @@ fn phase_size() -> u32 {
     return arrayLength(&phase_table);
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(LANES)
 fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let n = number(id);
     if n >= launch.count {
@@ -37,6 +28,17 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     let values = params.coefficients * channels;
     let glow_values = params.emission_coefficients * 3u;
     var sums: array<f32, SLOTS>;
+    if params.direction_begin > 0u {
+        // The sums of the passes before.
+        for (var slot = 0u; slot < SLOTS; slot++) {
+            let v = slot * LANES + lane;
+            if v < values {
+                sums[slot] = records[place * values + v];
+            } else if v < values + glow_values {
+                sums[slot] = emission_records[place * glow_values + v - values];
+            }
+        }
+    }
     var occupied = true;
     if has_occupancy {
         occupied = occupancy[place].y > 0.0;
@@ -47,8 +49,8 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         let z = cell / params.cells.x / params.cells.y;
         let side = params.cell.xyz;
         let origin = vec3<f32>(vec3<u32>(x, y, z)) * side + (0.5 * side - 0.5);
-        for (var first = 0u; first < params.directions; first += LANES) {
-            let batch = min(LANES, params.directions - first);
+        for (var first = params.direction_begin; first < params.direction_end; first += LANES) {
+            let batch = min(LANES, params.direction_end - first);
             if lane < batch {
                 gather(origin, directions[first + lane].xyz, lane);
             }
@@ -79,7 +81,7 @@ fn gather(origin: vec3<f32>, direction: vec3<f32>, lane: u32) {
     let rows = array<vec3<f32>, 3>(params.index_x.xyz, params.index_y.xyz, params.index_z.xyz);
     let index = vec3<f32>(dot(rows[0], direction), dot(rows[1], direction), dot(rows[2], direction));
     let ray = through(origin, index, vec3<f32>(params.dims.xyz), FAR, params.cell.w);
-    var transmittance = vec3<f32>(0.0);
+    var transmittance: vec3<f32>;
     var glow = vec3<f32>(0.0);
     if params.emission_coefficients > 0u {
         transmittance = emission_along(ray, &glow);
@@ -145,11 +147,12 @@ fn emission_along(ray: Ray, glow: ptr<function, vec3<f32>>) -> vec3<f32> {
         if has_emission_density {
             source = sample_emission_density(at, size, 0);
         }
-        for (var c = 0u; c < 3u; c++) {
-            let piece = segment(density * ray.step * sigma[c]);
-            (*glow)[c] += transmittance[c] * ray.step * piece.y * (source * params.emission[c]);
-            transmittance[c] *= piece.x;
-        }
+        let tau = density * ray.step * sigma;
+        let x = segment(tau.x);
+        let y = segment(tau.y);
+        let z = segment(tau.z);
+        *glow += transmittance * ray.step * vec3<f32>(x.y, y.y, z.y) * (source * params.emission.xyz);
+        transmittance *= vec3<f32>(x.x, y.x, z.x);
     }
     return transmittance;
 }

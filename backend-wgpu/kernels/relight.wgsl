@@ -1,10 +1,5 @@
 // `relight`: in-scattered radiance from records and light. One invocation a cell.
 
-@group(1) @binding(0) var<storage, read> records: array<f32>;
-@group(1) @binding(1) var<storage, read> emission_records: array<f32>;
-@group(1) @binding(2) var<storage, read> light: array<vec4<f32>>;
-@group(1) @binding(3) var<storage, read_write> in_scatter: array<vec4<f32>>;
-
 @compute @workgroup_size(64)
 fn relight(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let n = number(id) * 64u + lane;

@@ -3,7 +3,7 @@
 use airlight_core::device::{DeviceInfo, DeviceKind, Limits, Unavailable};
 use wgpu::{Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags};
 
-use crate::WgpuDevice;
+use crate::{WgpuDevice, loader};
 
 /// The most texels of a side that the index of a slab's slice is meant for; real limits are far below.
 const SIDE: u32 = 1 << 15;
@@ -23,9 +23,7 @@ fn adapters() -> Result<Vec<Adapter>, Unavailable> {
     let found: Vec<_> =
         pollster::block_on(instance.enumerate_adapters(Backends::all())).into_iter().filter(usable).collect();
     if found.is_empty() {
-        let reason = "no Vulkan driver answers; install one for the graphics card, or mesa-vulkan-drivers for a \
-                      software one, and the loader libvulkan.so.1";
-        return Err(Unavailable(reason.into()));
+        return Err(loader::reason());
     }
     Ok(found)
 }

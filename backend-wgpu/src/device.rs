@@ -180,7 +180,7 @@ impl Device for WgpuDevice {
                 Ok(Shot { range: piece.range, first: piece.groups.start, bound })
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-            let (params, units) = (bytemuck::bytes_of(&params), source::publish().units);
+            let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
             Launches { params, units, shots, limits: &self.limits }.run(&self.gpu, &pipeline, None)?;
         }
         Ok(())

@@ -10,6 +10,7 @@ mod cut;
 mod device;
 mod gpu;
 mod launch;
+mod loader;
 mod memory;
 mod pipeline;
 mod source;

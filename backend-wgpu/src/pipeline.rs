@@ -106,7 +106,7 @@ impl Pipeline {
 
 /// Compiles a kernel's text; faults name their file and line.
 pub(crate) fn compile(gpu: &Gpu, name: &str, text: &Text) -> Result<ShaderModule, DeviceError> {
-    let source = wgpu::ShaderSource::Wgsl(text.wgsl.as_str().into());
+    let source = wgpu::ShaderSource::Wgsl(text.whole.as_str().into());
     let mut said = String::new();
     let module = gpu.guarded(0, || {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source });

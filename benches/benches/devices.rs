@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use airlight::Renderer;
 use airlight::device::Device;
-use airlight_benches::{Frame, Rig, View, density, lattice, scene, trilinear_sum};
+use airlight_benches::{Frame, Rig, STAGES, View, density, lattice, scene, trilinear_sum};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 
@@ -39,17 +39,11 @@ fn group<'c>(criterion: &'c mut Criterion, name: &str) -> BenchmarkGroup<'c, Wal
 
 fn stages(criterion: &mut Criterion) {
     let view = View::new(256, 192);
-    for name in ["reduce", "project", "relight", "march"] {
+    for name in STAGES {
         let mut group = group(criterion, &format!("stage/{name}"));
         for id in devices() {
             let mut rig = Rig::new(open(&id)).expect("the density fits");
-            let made = match name {
-                "reduce" => rig.reduce(),
-                "project" => rig.project(),
-                "relight" => rig.relight(),
-                _ => rig.march(&view),
-            };
-            let (stage, elements) = made.expect("its resources fit");
+            let (stage, elements, _) = rig.stage(name, &view).expect("its resources fit");
             group.throughput(Throughput::Elements(elements));
             group.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
         }

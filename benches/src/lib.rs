@@ -3,11 +3,12 @@
 
 mod baseline;
 mod frames;
+pub mod quick;
 mod stages;
 
 pub use baseline::trilinear_sum;
 pub use frames::{Frame, scene};
-pub use stages::{Rig, View};
+pub use stages::{Rig, STAGES, View};
 
 use std::sync::Arc;
 

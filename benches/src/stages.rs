@@ -20,6 +20,9 @@ const BANDS: u32 = 3;
 /// Thin enough that no ray ends before the box does.
 const EXTINCTION: f32 = 0.5;
 
+/// The stages that have a benchmark.
+pub const STAGES: [&str; 4] = ["reduce", "project", "relight", "march"];
+
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
@@ -127,6 +130,22 @@ impl Rig {
         self.device.finish().map(drop)
     }
 
+    /// One of [`STAGES`], on resources of its own, with the number of its elements and what they are, in the plural.
+    /// `march` looks at `view`.
+    ///
+    /// # Errors
+    /// No such stage; a device fault.
+    pub fn stage(&mut self, name: &str, view: &View) -> Result<(Stage, u64, &'static str), DeviceError> {
+        let (made, unit) = match name {
+            "reduce" => (self.reduce(), "voxels"),
+            "project" => (self.project(), "cells"),
+            "relight" => (self.relight(), "cells"),
+            "march" => (self.march(view), "samples"),
+            _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
+        };
+        made.map(|(stage, elements)| (stage, elements, unit))
+    }
+
     fn make<T: Pod>(&mut self, len: u64, usage: Usage) -> Result<Buf<T>, DeviceError> {
         let id = ResourceId(self.next);
         self.next += 1;
@@ -142,25 +161,16 @@ impl Rig {
     }
 
     /// `reduce` to cells of 8³ voxels. Its elements are the voxels.
-    ///
-    /// # Errors
-    /// A device fault.
-    pub fn reduce(&mut self) -> Result<(Stage, u64), DeviceError> {
+    fn reduce(&mut self) -> Result<(Stage, u64), DeviceError> {
         let coarse = DIMS.to_array().map(|d| d.div_ceil(8));
         let out = self.make(cells(coarse), Usage::Work)?;
-        let params = ReduceParams {
-            dims: DIMS.extend(0).to_array(),
-            coarse: [coarse[0], coarse[1], coarse[2], 0],
-            cell: [8.0, 8.0, 8.0, 0.0],
-        };
+        let params =
+            ReduceParams::new(DIMS.extend(0).to_array(), [coarse[0], coarse[1], coarse[2], 0], [8.0, 8.0, 8.0, 0.0]);
         Ok((Stage::Reduce(Reduce { params, density: self.density, other: None, out }), lattice().voxels()))
     }
 
     /// `project` of 48 directions on 3 bands at every cell. Its elements are the cells.
-    ///
-    /// # Errors
-    /// A device fault.
-    pub fn project(&mut self) -> Result<(Stage, u64), DeviceError> {
+    fn project(&mut self) -> Result<(Stage, u64), DeviceError> {
         let grid = GridParams::new(&lattice());
         let mut params = ProjectParams::zeroed();
         params.dims = grid.dims;
@@ -170,7 +180,7 @@ impl Rig {
         let side = |a: usize| grid.dims[a] as f32 / CELLS[a] as f32;
         params.cell = [side(0), side(1), side(2), lattice().shortest_edge() as f32];
         params.extinction = [EXTINCTION; 4];
-        (params.directions, params.coefficients) = (12 * NSIDE * NSIDE, BANDS * BANDS);
+        (params.direction_end, params.coefficients) = (12 * NSIDE * NSIDE, BANDS * BANDS);
         (params.channels, params.weight_channels) = (1, 1);
         let harmonics = SphericalHarmonics::new(BANDS).expect("there are as many bands");
         let weights: Vec<f32> = pixel_integrals(NSIDE, &harmonics).iter().map(|&w| w as f32).collect();
@@ -192,10 +202,7 @@ impl Rig {
     }
 
     /// `relight` of 9 coefficients to one layer. Its elements are the cells.
-    ///
-    /// # Errors
-    /// A device fault.
-    pub fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
+    fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
         let (count, coefficients) = (cells(CELLS), BANDS * BANDS);
         let records: Vec<f32> = (0..count * u64::from(coefficients)).map(|n| (n % 17) as f32 / 17.0).collect();
         let light: Vec<[f32; 4]> = (0..coefficients).map(|k| [1.0 / (k + 1) as f32; 4]).collect();
@@ -220,10 +227,7 @@ impl Rig {
 
     /// `march` without light, without stepping over empty space and without rays that end early: bare lookups and
     /// exponentials. Its elements are the view samples.
-    ///
-    /// # Errors
-    /// A device fault.
-    pub fn march(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+    fn march(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
         let (grid, camera) = (GridParams::new(&lattice()), &view.camera);
         let mut params = MarchParams::zeroed();
         params.dims = grid.dims;
@@ -264,14 +268,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_stage_has_a_benchmark() {
+        assert_eq!(STAGES, Stage::NAMES);
+    }
+
+    #[test]
     fn every_stage_runs_on_every_device() {
         let view = View::new(24, 16);
         assert!(view.samples() > 1000);
         for info in airlight::devices().iter().flat_map(|b| b.devices.iter().flatten()) {
             let mut rig = Rig::new(airlight::open(&info.id()).unwrap()).unwrap();
-            let stages = [rig.reduce(), rig.project(), rig.relight(), rig.march(&view)];
-            for stage in stages {
-                let (stage, elements) = stage.unwrap();
+            for name in STAGES {
+                let (stage, elements, _) = rig.stage(name, &view).unwrap();
+                assert_eq!(stage.name(), name);
                 assert!(elements > 0);
                 rig.run(&stage).unwrap();
             }

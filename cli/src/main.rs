@@ -1,7 +1,9 @@
-//! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures.
+//! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures, measures
+//! devices.
 //!
 //! Exit codes: 0 well; 1 failed while running; 2 bad usage or bad input; 3 a comparison fell short.
 
+mod bench;
 mod compare;
 mod devices;
 mod failure;
@@ -10,6 +12,7 @@ mod output;
 mod progress;
 mod render;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -34,20 +37,37 @@ enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Measure how fast each device is, in a few seconds.
+    Bench(bench::Options),
 }
 
 fn main() -> ExitCode {
+    quieten();
     let done = match Cli::parse().command {
         Command::Render(options) => render::run(&options),
         Command::Devices(options) => devices::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Bench(options) => bench::run(&options),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             output::remark(&format!("error: {}", failure.message));
             ExitCode::from(failure.code)
+        }
+    }
+}
+
+/// Keeps Mesa from lines on standard error that begin with `error:` where nobody is logged in: its layer that orders
+/// graphics cards looks for a Wayland desktop, and libwayland complains that there is none.
+fn quieten() {
+    let desktop = std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|folder| Path::new(&folder).is_absolute());
+    if !desktop && std::env::var_os("NODEVICE_SELECT").is_none() {
+        #[allow(unsafe_code, reason = "no other thread runs yet that could read the environment")]
+        // SAFETY: it is the first call of `main`, and the program has one thread.
+        unsafe {
+            std::env::set_var("NODEVICE_SELECT", "1");
         }
     }
 }

@@ -3,8 +3,6 @@
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use airlight::exec::Progress;
-
 pub(crate) struct Meter {
     begin: Instant,
     last: Option<Instant>,
@@ -20,15 +18,16 @@ impl Meter {
         Self { begin: Instant::now(), last: None, on: std::io::stderr().is_terminal() }
     }
 
-    pub(crate) fn show(&mut self, progress: Progress) {
+    /// Shows what is running, and how much of it is done, 0 to 1.
+    pub(crate) fn show(&mut self, what: &str, done: f32) {
         let now = Instant::now();
         let due = self.last.is_none_or(|last| now - last >= PAUSE);
         if self.on && now - self.begin >= QUIET && due {
             self.last = Some(now);
             let mut err = std::io::stderr();
-            let percent = (progress.done * 100.0).round();
+            let percent = (done * 100.0).round();
             // Progress that cannot be shown is no fault of the picture.
-            let _ = write!(err, "\r\x1b[K{} {percent} % ({:.0} s)", progress.stage, (now - self.begin).as_secs_f64());
+            let _ = write!(err, "\r\x1b[K{what} {percent} % ({:.0} s)", (now - self.begin).as_secs_f64());
             let _ = err.flush();
         }
     }

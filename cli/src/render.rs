@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use airlight::Renderer;
 use airlight::device::DeviceInfo;
-use airlight::exec::{Hooks, Rendered};
+use airlight::exec::{Hooks, Progress, Rendered};
 use airlight::scene::{EnvironmentEstimate, LightsEstimate, Scene};
 use airlight_formats::image::{ToneMap, check_ending, write_film};
 use airlight_formats::scene::{LoadedScene, load_scene};
@@ -69,13 +69,15 @@ pub(crate) fn run(options: &Options) -> Done {
         return Err(Failure::input(what));
     }
     let outputs = outputs(options)?;
-    let LoadedScene { scene, warnings, .. } = load(options)?;
+    let LoadedScene { scene, mut warnings, .. } = load(options)?;
+    let airlight::Chosen { device, passed_over } = airlight::choose(&options.device)?;
+    warnings.extend(passed_over);
     warnings.iter().for_each(|w| output::remark(&format!("warning: {w}")));
-    let mut renderer = Renderer::new(airlight::open(&options.device)?);
+    let mut renderer = Renderer::new(device);
     let loaded = begin.elapsed();
 
     let mut meter = Meter::new();
-    let mut show = |progress| meter.show(progress);
+    let mut show = |progress: Progress| meter.show(progress.stage, progress.done);
     let hooks = &mut Hooks { progress: Some(&mut show), cancel: None };
     let rendered = renderer.render_with(&scene, hooks)?;
     drop(meter);

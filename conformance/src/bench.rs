@@ -18,15 +18,19 @@ pub(crate) enum Cut {
     Whole,
     /// Into uneven pieces that are run in disorder.
     Pieces,
-    /// Into passes of so many turns of loops, each in pieces: enough for whole rays of some sets, for single steps of
-    /// others.
+    /// Into passes of so many turns of loops, each in uneven pieces.
     Passes(u64),
 }
 
 /// Every [`Cut`].
 pub(crate) fn cuts() -> Axis<Cut> {
-    Axis::of("cut", [Cut::Whole, Cut::Pieces, Cut::Passes(4000), Cut::Passes(600), Cut::Passes(100)])
+    let passes = TURNS.map(|turns| (format!("passes of {turns} turns"), Cut::Passes(turns)));
+    let all = [("whole".to_owned(), Cut::Whole), ("pieces".to_owned(), Cut::Pieces)];
+    Axis::new("cut", all.into_iter().chain(passes))
 }
+
+/// Turns of loops that a stage is held to: enough for whole rays of some sets, for single steps of others.
+const TURNS: [u64; 3] = [4000, 600, 100];
 
 /// A device with the resources of a few stages.
 pub(crate) struct Bench {
@@ -93,8 +97,11 @@ impl Bench {
         let written = match cut {
             Cut::Whole => self.pieces(whole, std::slice::from_ref(&(0..axis)))?,
             Cut::Pieces => self.pieces(whole, &ranges)?,
-            // What cannot be cut so far need not be.
-            Cut::Passes(turns) => self.pieces(&stage.passes(turns).unwrap_or_else(|_| whole.to_vec()), &ranges)?,
+            Cut::Passes(turns) => match stage.passes(turns) {
+                Ok(passes) => self.pieces(&passes, &ranges)?,
+                // What cannot be cut so far need not be.
+                Err(_) => self.pieces(whole, &ranges)?,
+            },
         };
         for (i, values) in written.iter().enumerate() {
             record.steady(&format!("output {i} of {}", stage.name()), values);

@@ -2,7 +2,6 @@
 
 use airlight::device::{Buf, Device, DeviceError, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 use airlight::stage::{Reduce, ReduceParams, Stage};
-use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use crate::bench::Bench;
@@ -84,8 +83,7 @@ fn buffer(bytes: u64) -> ResourceSpec {
 fn copy_of(bench: &mut Bench, field: airlight::device::Field) -> Result<Vec<f32>, Failed> {
     let [x, y, z] = field.spec.dims;
     let out: Buf<[f32; 2]> = bench.room((x * y * z) as usize, Usage::Work)?;
-    let mut params = ReduceParams::zeroed();
-    (params.dims, params.coarse, params.cell) = ([x, y, z, 0], [x, y, z, 0], [1.0, 1.0, 1.0, 0.0]);
+    let params = ReduceParams::new([x, y, z, 0], [x, y, z, 0], [1.0, 1.0, 1.0, 0.0]);
     let stage = Stage::Reduce(Reduce { params, density: field, other: None, out });
     bench.device.dispatch(&stage, 0..stage.axis())?;
     Ok(bench.read(out)?.iter().map(|v| v[0]).collect())
@@ -249,8 +247,7 @@ fn misfits(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let field = bench.scalars(SPEC.dims, &vec![0.0; VOXELS])?;
     let out: Buf<[f32; 2]> = bench.room(VOXELS, Usage::Work)?;
-    let mut params = ReduceParams::zeroed();
-    (params.dims, params.coarse, params.cell) = ([7, 5, 9, 0], [7, 5, 9, 0], [1.0, 1.0, 1.0, 0.0]);
+    let params = ReduceParams::new([7, 5, 9, 0], [7, 5, 9, 0], [1.0, 1.0, 1.0, 0.0]);
     let reduce = Reduce { params, density: field, other: None, out };
     let run = |bench: &mut Bench, reduce: Reduce, to: u32| bench.device.dispatch(&Stage::Reduce(reduce), 0..to);
     refused("a range past the axis", run(&mut bench, reduce.clone(), 316))?;

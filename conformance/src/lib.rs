@@ -33,8 +33,10 @@ mod keys;
 mod limits;
 pub mod pictures;
 mod record;
+mod report;
 mod sidecar;
 mod stages;
+mod suite;
 pub mod tolerance;
 mod truth;
 
@@ -49,7 +51,9 @@ pub use case::{Axis, Case, Labels, Need};
 pub use compare::{Difference, compare};
 pub use libtest_mimic::Failed;
 pub use record::{MISMATCHES, Mismatch, Mismatches, Picture, Place, Record, Score, rgb};
+pub use report::{Reported, write_report};
 pub use sidecar::{AxisRecord, DeviceRecord, FORMAT, FORMAT_VERSION, Outcome, Sidecar, ToleranceRecord};
+pub use suite::try_all;
 pub use tolerance::Tolerance;
 
 type Open = dyn Fn() -> Result<Box<dyn Device>, String> + Send + Sync;

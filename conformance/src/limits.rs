@@ -123,11 +123,8 @@ fn slabs(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let dims = [11, 7, 43];
     let n = dims.iter().product::<u32>() as usize;
     let data = [noise(51, n), noise(52, n)];
-    let params = ReduceParams {
-        dims: [dims[0], dims[1], dims[2], 0],
-        coarse: [6, 5, 7, 0],
-        cell: [11.0 / 6.0, 1.4, 43.0 / 7.0, 0.5],
-    };
+    let [x, y, z] = dims;
+    let params = ReduceParams::new([x, y, z, 0], [6, 5, 7, 0], [11.0 / 6.0, 1.4, 43.0 / 7.0, 0.5]);
     let expected = reduced(&params, &data[0], &data[1]);
     record.each(&sizes(), |record, &narrow| {
         let mut bench = bench(subject, narrow)?;
@@ -161,12 +158,10 @@ fn long_fields(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&sides(), |record, &dims| {
         let data = noise(53, dims.iter().product::<u32>() as usize);
         let coarse = dims.map(|n| if n == LONG { 30 } else { 2 });
-        let [cx, cy, cz] = [0, 1, 2].map(|a| dims[a] as f32 / coarse[a] as f32);
-        let params = ReduceParams {
-            dims: [dims[0], dims[1], dims[2], 0],
-            coarse: [coarse[0], coarse[1], coarse[2], 0],
-            cell: [cx, cy, cz, 0.0],
-        };
+        let cell = [0, 1, 2].map(|a| dims[a] as f32 / coarse[a] as f32);
+        let [x, y, z] = dims;
+        let params =
+            ReduceParams::new([x, y, z, 0], [coarse[0], coarse[1], coarse[2], 0], [cell[0], cell[1], cell[2], 0.0]);
         let mut bench = Bench::new(subject)?;
         let density = Field { id: bench.id(), spec: scalars(dims) };
         match bench.device.create(density.id, &ResourceSpec::Field(density.spec)) {
@@ -373,7 +368,7 @@ fn field(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             sums[(k as usize / 4 * 60 + y) * 80 + x] += f64::from(*v);
         }
     }
-    let params = ReduceParams { dims: [640, 480, 116, 0], coarse: [80, 60, 29, 0], cell: [8.0, 8.0, 4.0, 0.0] };
+    let params = ReduceParams::new([640, 480, 116, 0], [80, 60, 29, 0], [8.0, 8.0, 4.0, 0.0]);
     let out: Buf<[f32; 2]> = bench.room(sums.len(), Usage::Work)?;
     let stage = Stage::Reduce(Reduce { params, density, other: None, out });
     bench.device.dispatch(&stage, 0..stage.axis())?;

@@ -86,6 +86,8 @@ pub struct DeviceRecord {
     pub binding_bytes: u64,
     /// The longest side of a field, texels.
     pub field_side: u32,
+    /// How often the loops of one invocation of a kernel may turn together, where the driver bounds that.
+    pub loop_turns: Option<u32>,
     /// Bits of a filter weight between two texels.
     pub filter_bits: u32,
 }
@@ -102,6 +104,7 @@ impl From<&DeviceInfo> for DeviceRecord {
             buffer_bytes: info.limits.buffer_bytes,
             binding_bytes: info.limits.binding_bytes,
             field_side: info.limits.field_side,
+            loop_turns: info.limits.loop_turns,
             filter_bits: info.filter_bits,
         }
     }

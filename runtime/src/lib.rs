@@ -46,7 +46,11 @@
 pub use airlight_core::*;
 pub use exec::Renderer;
 
-use device::{Device, DeviceInfo, DeviceKind, Provider, Unavailable};
+mod choice;
+
+pub use choice::{Chosen, NoDevice, choose, choose_among, open, open_among};
+
+use device::{DeviceInfo, Provider, Unavailable};
 
 /// The backends that were compiled in, in the order that `auto` prefers among equals.
 pub fn providers() -> Vec<Provider> {
@@ -71,114 +75,4 @@ pub struct Backend {
 /// Every backend with its devices.
 pub fn devices() -> Vec<Backend> {
     providers().into_iter().map(|p| Backend { name: p.name, devices: (p.enumerate)() }).collect()
-}
-
-/// No device answers to a choice.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoDevice {
-    /// What was asked for.
-    pub choice: String,
-    /// Why, and what there is.
-    pub reason: String,
-}
-
-impl std::fmt::Display for NoDevice {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "no device \"{}\": {}", self.choice, self.reason)
-    }
-}
-
-impl std::error::Error for NoDevice {}
-
-/// Opens a device: `auto`, a backend (`cpu`), an index (`cpu:0`) or part of a device's name.
-///
-/// `auto` takes a hardware GPU where there is one, else the processor's cores. A software GPU is taken only when its
-/// backend or name is given.
-///
-/// # Errors
-/// No device answers to the choice, or it cannot be opened; the text lists what there is.
-pub fn open(choice: &str) -> Result<Box<dyn Device>, NoDevice> {
-    open_among(&providers(), choice)
-}
-
-/// [`open`] among backends of one's own choosing.
-///
-/// # Errors
-/// As [`open`].
-pub fn open_among(providers: &[Provider], choice: &str) -> Result<Box<dyn Device>, NoDevice> {
-    let fail = |reason: String| NoDevice { choice: choice.to_owned(), reason };
-    let wanted = choice.trim().to_lowercase();
-    // A choice that names its backend asks no other: opening the processor loads no graphics library.
-    let names = |p: &Provider| wanted.strip_prefix(p.name).is_some_and(|rest| rest.is_empty() || rest.starts_with(':'));
-    let named = providers.iter().any(names);
-    let listed: Vec<(&Provider, Result<Vec<DeviceInfo>, Unavailable>)> =
-        providers.iter().filter(|p| !named || names(p)).map(|p| (p, (p.enumerate)())).collect();
-    if let (true, Some((_, Err(reason)))) = (named, listed.first()) {
-        return Err(fail(reason.to_string()));
-    }
-    let all = || listed.iter().flat_map(|(p, found)| found.iter().flatten().map(move |info| (*p, info)));
-    let found = if wanted == "auto" {
-        let rank = |kind: DeviceKind| match kind {
-            DeviceKind::DiscreteGpu => 0,
-            DeviceKind::IntegratedGpu => 1,
-            DeviceKind::Cpu => 2,
-            DeviceKind::Other => 3,
-            DeviceKind::SoftwareGpu => 4,
-        };
-        all().filter(|(_, info)| info.kind != DeviceKind::SoftwareGpu).min_by_key(|(_, info)| rank(info.kind))
-    } else if listed.iter().any(|(p, _)| wanted == p.name) {
-        all().next()
-    } else {
-        all()
-            .find(|(_, info)| info.id() == wanted)
-            .or_else(|| all().find(|(_, info)| !wanted.is_empty() && info.name.to_lowercase().contains(&wanted)))
-    };
-    let Some((provider, info)) = found else {
-        let there: Vec<_> = all().map(|(_, info)| format!("{} ({})", info.id(), info.name)).collect();
-        return Err(fail(format!("there are {}", there.join(", "))));
-    };
-    (provider.open)(info.index).map_err(|reason| fail(reason.to_string()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_cpu_answers_to_its_names() {
-        for choice in ["cpu", "cpu:0", "CPU"] {
-            assert_eq!(open(choice).map(|d| d.info().backend).ok(), Some("cpu"), "{choice}");
-        }
-    }
-
-    #[test]
-    fn auto_takes_no_software_gpu() {
-        let kind = open("auto").map(|device| device.info().kind);
-        assert!(kind.is_ok_and(|kind| kind != DeviceKind::SoftwareGpu));
-    }
-
-    #[test]
-    fn a_choice_that_names_its_backend_asks_no_other() {
-        let untouched = Provider {
-            name: "other",
-            enumerate: || panic!("was asked for its devices"),
-            open: |_| Err(Unavailable("was opened".into())),
-        };
-        for choice in ["cpu", "cpu:0"] {
-            assert!(open_among(&[untouched, airlight_cpu::PROVIDER], choice).is_ok(), "{choice}");
-        }
-        let none = Provider { enumerate: || Err(Unavailable("no loader".into())), ..untouched };
-        for choice in ["other", "other:0"] {
-            let error = open_among(&[none, airlight_cpu::PROVIDER], choice).map(|_| ()).unwrap_err();
-            assert_eq!(error.reason, "no loader", "{choice}");
-        }
-    }
-
-    #[test]
-    fn what_is_not_there_is_said_with_what_is() {
-        for choice in ["cpu:1", "", "no such device"] {
-            let error = open(choice).map(|d| d.info().name.clone()).unwrap_err().to_string();
-            assert!(error.contains("cpu:0"), "{error}");
-        }
-    }
 }

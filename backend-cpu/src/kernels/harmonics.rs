@@ -1,13 +1,15 @@
 //! Spherical harmonics of a packet of directions.
 
+use airlight_core::basis::SphericalHarmonics;
+
 use crate::packet::F;
 
-/// The most coefficients: ten bands.
-pub(crate) const MAX: usize = 100;
+/// The most coefficients.
+pub(crate) const MAX: usize = SphericalHarmonics::DEVICE_BANDS.pow(2) as usize;
 
 /// Y_k(d) for all k below bands², by the recurrences of `airlight_core::basis::recurrence_table`.
 #[inline(always)]
-pub(crate) fn eval(table: &[f32], bands: usize, d: [F; 3], out: &mut [F; MAX]) {
+pub(crate) fn harmonics(table: &[f32], bands: usize, d: [F; 3], out: &mut [F; MAX]) {
     let [x, y, z] = d;
     // Real and imaginary part of (z + i x)^m.
     let (mut re, mut im) = (F::ONE, F::ZERO);

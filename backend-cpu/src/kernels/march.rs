@@ -1,19 +1,22 @@
 //! `march`: view rays through the medium.
 
+use std::f32::consts::PI;
 use std::ops::Range;
 
 use airlight_core::device::DeviceError;
 use airlight_core::stage::{LightRecord, March, MarchParams, shadow_kind};
 use rayon::prelude::*;
 
-use super::harmonics;
-use super::phase::Phase;
-use super::sample::{Occupancy, Place, Ray, Texels, sample_rgba};
+use super::angle::{angle, angle_of_cosine};
+use super::field::{Colors, Place, Scalars};
+use super::harmonics::{self, harmonics};
+use super::phase::{Phase, phase};
+use super::sample::{Occupancy, Ray};
 use super::segment::segment;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, M, dot, lanes, lerp, triple};
 
 const BLOCK: usize = March::BLOCK as usize;
 /// Pixels along each side of a packet.
@@ -21,10 +24,10 @@ const SIDE: usize = 4;
 
 struct Inputs<'a> {
     p: &'a MarchParams,
-    density: Texels<'a>,
-    emission: Option<Texels<'a>>,
+    density: Scalars<'a>,
+    emission: Option<Scalars<'a>>,
     occupancy: Option<Occupancy<'a>>,
-    in_scatter: &'a [[f32; 4]],
+    in_scatter: Option<Colors<'a>>,
     lights: &'a [LightRecord],
     phase: Phase<'a>,
     tables: &'a [f32],
@@ -46,13 +49,13 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
     }
     let (out, read) = memory.split();
     let p = &stage.params;
-    let density = Texels::new(read.field(stage.density)?, p.dims);
+    let density = Scalars::new(read.field(stage.density)?, p.dims);
     let tables = read.buf(stage.tables)?;
     let inputs = Inputs {
         p,
         density,
         emission: match stage.emission {
-            Some(field) => Some(Texels::new(read.field(field)?, p.dims)),
+            Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
             None => None,
         },
         occupancy: match stage.occupancy {
@@ -60,8 +63,8 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
             None => None,
         },
         in_scatter: match stage.in_scatter {
-            Some(field) => bytemuck::cast_slice(read.field(field)?),
-            None => &[],
+            Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.cells)),
+            None => None,
         },
         lights: &read.opt(stage.lights)?[..p.lights as usize],
         phase: Phase {
@@ -74,7 +77,7 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         surface: read.opt(stage.surface)?,
         grey: p.extinction[0] == p.extinction[1] && p.extinction[1] == p.extinction[2],
     };
-    let mut out = out.into_iter().map(|bytes| bytemuck::cast_slice_mut::<u8, Kept>(bytes));
+    let mut out = out.into_iter().map(bytemuck::cast_slice_mut::<u8, Kept>);
     let (film, paths) = (out.next().unwrap_or_default(), out.next().unwrap_or_default());
     let (width, height) = (p.width as usize, p.height as usize);
     let across = width.div_ceil(BLOCK);
@@ -204,18 +207,13 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
             out.path = path.keep();
             return;
         }
-        for c in 0..3 {
-            let behind = match &surface {
-                Some(surface) if inputs.environment.is_empty() => {
-                    limit.lt(F::splat(f32::INFINITY)).select(surface[c], F::ZERO)
-                }
-                Some(surface) => limit.lt(F::splat(f32::INFINITY)).select(surface[c], environment(inputs, d, c)),
-                None if inputs.environment.is_empty() => F::ZERO,
-                None => environment(inputs, d, c),
-            };
-            color[c] = color[c] + path.radiance[c] + path.transmittance[c] * behind;
-            through[c] = through[c] + path.transmittance[c];
+        let mut behind = if inputs.environment.is_empty() { [F::ZERO; 3] } else { sky(inputs, d) };
+        if let Some(surface) = &surface {
+            let hit = limit.lt(F::splat(f32::INFINITY));
+            behind = triple!(c => hit.select(surface[c], behind[c]));
         }
+        color = triple!(c => color[c] + path.radiance[c] + path.transmittance[c] * behind[c]);
+        through = triple!(c => through[c] + path.transmittance[c]);
         stopped = stopped + path.stopped;
         stopped_at = stopped_at + path.stopped_at;
     }
@@ -240,7 +238,7 @@ struct Path {
     stopped: F,
     stopped_at: F,
     /// Y_k of the direction, where the in-scatter has layers.
-    harmonics: [F; harmonics::MAX],
+    basis: [F; harmonics::MAX],
 }
 
 impl Path {
@@ -250,9 +248,9 @@ impl Path {
         let p = inputs.p;
         let index = to_index(p, d);
         let origin = triple!(a => F::splat(p.eye[a]));
-        let mut harmonics = [F::ZERO; harmonics::MAX];
+        let mut basis = [F::ZERO; harmonics::MAX];
         if p.cells[3] > 1 {
-            harmonics::eval(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut harmonics);
+            harmonics(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut basis);
         }
         Self {
             direction: d,
@@ -261,7 +259,7 @@ impl Path {
             transmittance: [F::ONE; 3],
             stopped: F::ZERO,
             stopped_at: F::ZERO,
-            harmonics,
+            basis,
         }
     }
 
@@ -297,13 +295,13 @@ impl Path {
                 k = next;
                 continue;
             }
-            let at = self.ray.at(t);
+            let at = self.ray.along(t);
             let optics = optics(inputs, at, active);
             let dense = optics.extinction[0].max(optics.extinction[1]).max(optics.extinction[2]).gt(F::ZERO);
             let mut light = [F::ZERO; 3];
             if scatters && dense.any() {
-                self.in_scatter(inputs, at, dense, &mut light);
-                self.direct(inputs, at, t, dense, &mut light);
+                gathered(inputs, at, &self.basis, dense, &mut light);
+                direct(inputs, at, self.direction, t, dense, &mut light);
             }
             let delta = self.ray.step;
             let Optics { extinction, albedo, emission } = optics;
@@ -324,63 +322,57 @@ impl Path {
             k += 1.0;
         }
     }
+}
 
-    /// J from the field of in-scattered radiance, added to `light`.
-    #[inline(always)]
-    fn in_scatter(&self, inputs: &Inputs<'_>, at: [F; 3], dense: M, light: &mut [F; 3]) {
-        let p = inputs.p;
-        if inputs.in_scatter.is_empty() {
-            return;
+/// J from the field of in-scattered radiance, added to `light`.
+#[inline(always)]
+fn gathered(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense: M, light: &mut [F; 3]) {
+    let p = inputs.p;
+    let Some(field) = inputs.in_scatter else { return };
+    let place = triple!(a => (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
+    let layers = p.cells[3] as usize;
+    for i in 0..LANES {
+        if !dense.lane(i) {
+            continue;
         }
-        let place = triple!(a => (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
-        let dims = triple!(a => p.cells[a] as usize);
-        let (layers, trilinear) = (p.cells[3] as usize, p.trilinear == 1);
-        for i in 0..LANES {
-            if !dense.lane(i) {
-                continue;
-            }
-            let place = Place::new(dims, layers, triple!(a => place[a].0[i]), trilinear);
-            if layers == 1 {
-                let j = sample_rgba(inputs.in_scatter, place, 0);
-                for c in 0..3 {
-                    light[c].0[i] += j[c];
-                }
-                continue;
-            }
-            for k in 0..layers {
-                let j = sample_rgba(inputs.in_scatter, place, k);
-                for c in 0..3 {
-                    light[c].0[i] += self.harmonics[k].0[i] * j[c];
-                }
+        let place = in_scatter_at(p, field, triple!(a => place[a].0[i]));
+        for k in 0..layers {
+            let (j, weight) = (place.layer(k), if layers == 1 { 1.0 } else { basis[k].0[i] });
+            for c in 0..3 {
+                light[c].0[i] += weight * j[c];
             }
         }
     }
+}
 
-    /// J from each light, added to `light`.
-    #[inline(always)]
-    fn direct(&self, inputs: &Inputs<'_>, at: [F; 3], t: F, dense: M, light: &mut [F; 3]) {
-        let p = inputs.p;
-        for record in inputs.lights {
-            let (toward, distance, falloff) = incident(p, record, self.direction, t);
-            let lit = dense.and(falloff.gt(F::ZERO));
-            if !lit.any() {
-                continue;
+#[inline(always)]
+fn in_scatter_at<'a>(p: &MarchParams, field: Colors<'a>, place: [f32; 3]) -> Place<'a> {
+    if p.trilinear == 1 { field.sample(place) } else { field.nearest(place) }
+}
+
+/// J from each light, added to `light`.
+#[inline(always)]
+fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, light: &mut [F; 3]) {
+    let p = inputs.p;
+    for record in inputs.lights {
+        let (toward, distance, falloff) = incident(p, record, direction, t);
+        let lit = dense.and(falloff.gt(F::ZERO));
+        if !lit.any() {
+            continue;
+        }
+        let scale = lit.select(phase(&inputs.phase, dot(toward, direction)) * falloff, F::ZERO);
+        let column = if p.shadow == shadow_kind::MARCH {
+            let ray = Ray::through(at, to_index(p, toward), inputs.density.size(), distance, p.step);
+            ray.column(inputs.density, inputs.occupancy, lit)
+        } else {
+            F::ZERO
+        };
+        let mut transmittance = F::ONE;
+        for c in 0..3 {
+            if c == 0 || !inputs.grey {
+                transmittance = (column * -p.extinction[c]).exp_negative();
             }
-            let scale = inputs.phase.eval(dot(toward, self.direction)) * falloff;
-            let scale = lit.select(scale, F::ZERO);
-            let column = if p.shadow == shadow_kind::MARCH {
-                let ray = Ray::through(at, to_index(p, toward), inputs.density.size(), distance, p.step);
-                ray.column(inputs.density, inputs.occupancy, lit)
-            } else {
-                F::ZERO
-            };
-            let mut transmittance = F::ONE;
-            for c in 0..3 {
-                if c == 0 || !inputs.grey {
-                    transmittance = (column * -p.extinction[c]).exp_negative();
-                }
-                light[c] = light[c] + scale * transmittance * record.power[c];
-            }
+            light[c] = light[c] + scale * transmittance * record.power[c];
         }
     }
 }
@@ -436,26 +428,34 @@ fn incident(p: &MarchParams, light: &LightRecord, d: [F; 3], t: F) -> ([F; 3], F
         let axis = triple!(a => F::splat(-light.axis[a]));
         // A cone without a rim is a step at the cutoff.
         let rim = (cutoff - beam).max(1e-6);
-        falloff = falloff * dot(axis, toward).each(|c| ((cutoff - c.clamp(-1.0, 1.0).acos()) / rim).clamp(0.0, 1.0));
+        let inside = (F::splat(cutoff) - angle_of_cosine(dot(axis, toward))) / rim;
+        falloff = falloff * inside.max(F::ZERO).min(F::ONE);
     }
     (toward, distance, falloff)
 }
 
-/// Channel `c` of the environment's radiance from `d`.
+/// The environment's radiance from `d`.
 #[inline(always)]
-fn environment(inputs: &Inputs<'_>, d: [F; 3], c: usize) -> F {
+fn sky(inputs: &Inputs<'_>, d: [F; 3]) -> [F; 3] {
     let p = inputs.p;
-    F(lanes!(i => sky(p, inputs.environment, triple!(a => d[a].0[i]), c)))
+    let u = angle(d[0], -d[2]) / (2.0 * PI) + p.environment[3];
+    let x = (u - u.floor()) * p.environment_width as f32 - 0.5;
+    let y = angle_of_cosine(d[1]) / PI * p.environment_height as f32 - 0.5;
+    let (i, j) = (x.floor(), y.floor());
+    let above = sky_row(inputs, i, j, x - i);
+    let below = sky_row(inputs, i, j + 1.0, x - i);
+    triple!(c => lerp(above[c], below[c], y - j) * p.environment[c])
 }
 
-fn sky(p: &MarchParams, texels: &[[f32; 4]], d: [f32; 3], c: usize) -> f32 {
-    use std::f32::consts::PI;
-    let (width, height) = (p.environment_width as i32, p.environment_height as i32);
-    let u = d[0].atan2(-d[2]) / (2.0 * PI) + p.environment[3];
-    let (x, y) = ((u - u.floor()) * width as f32 - 0.5, d[1].clamp(-1.0, 1.0).acos() / PI * height as f32 - 0.5);
-    let (x0, y0) = (x.floor(), y.floor());
-    let texel = |i: i32, j: i32| texels[(j.clamp(0, height - 1) * width + i.rem_euclid(width)) as usize][c];
-    let (i, j) = (x0 as i32, y0 as i32);
-    let row = |j: i32| texel(i, j) + (texel(i + 1, j) - texel(i, j)) * (x - x0);
-    (row(j) + (row(j + 1) - row(j)) * (y - y0)) * p.environment[c]
+#[inline(always)]
+fn sky_row(inputs: &Inputs<'_>, i: F, j: F, f: F) -> [F; 3] {
+    let (width, last) = (inputs.p.environment_width as usize, inputs.p.environment_height as usize - 1);
+    // Casting saturates: row -1 is row 0.
+    let start: [usize; LANES] = lanes!(l => (j.0[l] as usize).min(last) * width);
+    // Column -1 is the last one.
+    let column: [usize; LANES] = lanes!(l => (i.0[l] + 1.0) as usize + width - 1);
+    let a: [usize; LANES] = lanes!(l => start[l] + column[l] % width);
+    let b: [usize; LANES] = lanes!(l => start[l] + (column[l] + 1) % width);
+    let texel = inputs.environment;
+    triple!(c => lerp(F(lanes!(l => texel[a[l]][c])), F(lanes!(l => texel[b[l]][c])), f))
 }

@@ -1,10 +1,13 @@
 //! Phase functions.
 
+use std::f32::consts::PI;
+
 use airlight_core::stage::PhaseParams;
 
-use crate::packet::F;
+use super::angle::angle_of_cosine;
+use crate::packet::{F, LANES, lanes};
 
-const FOUR_PI: f32 = 4.0 * std::f32::consts::PI;
+const FOUR_PI: f32 = 4.0 * PI;
 
 /// A phase function with its table.
 #[derive(Clone, Copy)]
@@ -20,26 +23,26 @@ fn henyey_greenstein(g: f32, c: F) -> F {
     F::splat((1.0 - g * g) / FOUR_PI) / (base * base.sqrt())
 }
 
-fn lookup(table: &[f32], c: f32) -> f32 {
+#[inline(always)]
+fn phase_lookup(table: &[f32], c: F) -> F {
     let last = table.len() - 1;
-    let at = c.clamp(-1.0, 1.0).acos() / std::f32::consts::PI * last as f32;
-    let i = (at as usize).min(last - 1);
-    table[i] + (table[i + 1] - table[i]) * (at - i as f32)
+    let at = angle_of_cosine(c) / PI * last as f32;
+    // What is not a number is the first entry.
+    let i: [usize; LANES] = lanes!(l => (at.0[l] as usize).min(last - 1));
+    F(lanes!(l => table[i[l]] + (table[i[l] + 1] - table[i[l]]) * (at.0[l] - i[l] as f32)))
 }
 
-impl Phase<'_> {
-    /// Value at cosine `c`, per steradian.
-    #[inline(always)]
-    pub(crate) fn eval(&self, c: F) -> F {
-        match self.kind {
-            PhaseParams::HENYEY_GREENSTEIN => {
-                let [forward, backward, weight, _] = self.lobes;
-                let first = henyey_greenstein(forward, c);
-                if weight == 1.0 { first } else { first * weight + henyey_greenstein(backward, c) * (1.0 - weight) }
-            }
-            PhaseParams::RAYLEIGH => (c * c + 1.0) * (3.0 / (4.0 * FOUR_PI)),
-            PhaseParams::TABLE => c.each(|c| lookup(self.table, c)),
-            _ => F::splat(1.0 / FOUR_PI),
+/// Value at cosine `c`, per steradian.
+#[inline(always)]
+pub(crate) fn phase(of: &Phase<'_>, c: F) -> F {
+    match of.kind {
+        PhaseParams::HENYEY_GREENSTEIN => {
+            let [forward, backward, weight, _] = of.lobes;
+            let first = henyey_greenstein(forward, c);
+            if weight == 1.0 { first } else { first * weight + henyey_greenstein(backward, c) * (1.0 - weight) }
         }
+        PhaseParams::RAYLEIGH => (c * c + 1.0) * (3.0 / (4.0 * FOUR_PI)),
+        PhaseParams::TABLE => phase_lookup(of.table, c),
+        _ => F::splat(1.0 / FOUR_PI),
     }
 }

@@ -6,8 +6,9 @@ use airlight_core::device::DeviceError;
 use airlight_core::stage::{Project, ProjectParams};
 use rayon::prelude::*;
 
-use super::phase::Phase;
-use super::sample::{Ray, Texels};
+use super::field::Scalars;
+use super::phase::{Phase, phase};
+use super::sample::Ray;
 use super::segment::segment;
 use crate::Isa;
 use crate::device::Memory;
@@ -19,8 +20,8 @@ const CHUNK: usize = 16 * LANES;
 
 struct Inputs<'a> {
     p: &'a ProjectParams,
-    density: Texels<'a>,
-    emission: Texels<'a>,
+    density: Scalars<'a>,
+    emission: Scalars<'a>,
     directions: &'a [[f32; 4]],
     weights: &'a [f32],
     emission_weights: &'a [f32],
@@ -34,15 +35,15 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
     }
     let (mut out, read) = memory.split();
     let p = &stage.params;
-    let density = Texels::new(read.field(stage.density)?, p.dims);
+    let density = Scalars::new(read.field(stage.density)?, p.dims);
     let inputs = Inputs {
         p,
         density,
         emission: match stage.emission {
-            Some(field) => Texels::new(read.field(field)?, p.dims),
+            Some(field) => Scalars::new(read.field(field)?, p.dims),
             None => density,
         },
-        directions: &read.buf(stage.directions)?[..p.directions as usize],
+        directions: &read.buf(stage.directions)?[..p.direction_end as usize],
         weights: read.buf(stage.weights)?,
         emission_weights: read.opt(stage.emission_weights)?,
         phase: Phase { kind: p.phase_kind, lobes: p.phase, table: read.opt(stage.phase_table)? },
@@ -63,8 +64,10 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
     let mut emitted: Vec<&mut [f32]> = emitted.chunks_mut(chunk(emission_stride)).collect();
     emitted.resize_with((end - start).div_ceil(CHUNK), Default::default);
     records.par_chunks_mut(chunk(stride)).zip(emitted).enumerate().for_each(|(n, (records, emitted))| {
-        records.fill(0.0);
-        emitted.fill(0.0);
+        if p.direction_begin == 0 {
+            records.fill(0.0);
+            emitted.fill(0.0);
+        }
         let first = start + n * CHUNK;
         let cells = records.len() / stride;
         let occupied = |i: &usize| occupancy.is_empty() || occupancy[first + i][1] > 0.0;
@@ -80,6 +83,11 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
             let last = lane[count - 1];
             lane[count..].fill(last);
             let cells = lane.map(|i| first + i);
+            // The sums of the passes before.
+            let (record, glow) = sums.split_at_mut(stride);
+            record.iter_mut().enumerate().for_each(|(v, sum)| *sum = F(lane.map(|i| records[i * stride + v])));
+            let place = |i: usize, v: usize| i * emission_stride + v;
+            glow.iter_mut().enumerate().for_each(|(v, sum)| *sum = F(lane.map(|i| emitted[place(i, v)])));
             let (inputs, sums) = (&inputs, &mut sums[..]);
             compiled_for!(isa, project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]));
             for (i, &place) in lane[..count].iter().enumerate() {
@@ -96,7 +104,7 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
     Ok(())
 }
 
-/// Sixteen cells: sums over all directions, records first, then the emission's moments.
+/// Sixteen cells: adds the directions of this pass to their sums, records first, then the emission's moments.
 #[inline(always)]
 fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
     let p = inputs.p;
@@ -106,48 +114,74 @@ fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
     let z = F(lanes!(i => (cells[i] / nx / ny) as f32));
     let origin = triple!(a => [x, y, z][a] * p.cell[a] + (0.5 * p.cell[a] - 0.5));
     let view = view_direction(p, origin);
-    sums.fill(F::ZERO);
-    let coefficients = p.coefficients as usize;
-    let (channels, weight_channels) = (p.channels as usize, p.weight_channels as usize);
-    let stride = coefficients * p.record_channels() as usize;
-    for (n, direction) in inputs.directions.iter().enumerate() {
+    let (record, emission_record) = sums.split_at_mut((p.coefficients * p.record_channels()) as usize);
+    for n in p.direction_begin as usize..p.direction_end as usize {
+        let (transmittance, glow) = gather(inputs, origin, view, inputs.directions[n]);
+        sum_record(inputs, record, n, transmittance);
+        sum_glow(inputs, emission_record, n, glow);
+    }
+}
+
+/// Marches along a direction: transmittance, and light that the medium sends.
+#[inline(always)]
+fn gather(inputs: &Inputs<'_>, origin: [F; 3], view: [F; 3], direction: [f32; 4]) -> ([F; 3], [F; 3]) {
+    let p = inputs.p;
+    let rows = [&p.index_x, &p.index_y, &p.index_z];
+    let index = triple!(a => {
+        F::splat(rows[a][0] * direction[0] + rows[a][1] * direction[1] + rows[a][2] * direction[2])
+    });
+    let ray = Ray::through(origin, index, inputs.density.size(), F::splat(f32::INFINITY), p.cell[3]);
+    let mut glow = [F::ZERO; 3];
+    let mut transmittance = if p.emission_coefficients > 0 {
+        emission_along(inputs, &ray, &mut glow)
+    } else {
+        let (column, sigma) = (ray.column(inputs.density, None, M([u32::MAX; LANES])), extinction(p));
+        let first = (column * -sigma[0]).exp_negative();
+        if p.channels == 1 { [first; 3] } else { triple!(c => (column * -sigma[c]).exp_negative()) }
+    };
+    if p.toward_eye == 1 {
         let world = triple!(a => F::splat(direction[a]));
-        let rows = [&p.index_x, &p.index_y, &p.index_z];
-        let along = |r: &[f32; 4]| r[0] * direction[0] + r[1] * direction[1] + r[2] * direction[2];
-        let index = triple!(a => F::splat(along(rows[a])));
-        let ray = Ray::through(origin, index, inputs.density.size(), F::splat(f32::INFINITY), p.cell[3]);
-        let mut glow = [F::ZERO; 3];
-        let mut transmittance = if p.emission_coefficients > 0 {
-            emission_along(inputs, &ray, &mut glow)
-        } else {
-            let column = ray.column(inputs.density, None, M([u32::MAX; LANES]));
-            triple!(c => if c < channels { (column * -p.extinction[c]).exp_negative() } else { F::ZERO })
-        };
-        if p.toward_eye == 1 {
-            let phase = inputs.phase.eval(dot(world, view));
-            transmittance = triple!(c => transmittance[c] * phase);
-            glow = triple!(c => glow[c] * phase);
+        let value = phase(&inputs.phase, dot(world, view));
+        transmittance = triple!(c => transmittance[c] * value);
+        glow = triple!(c => glow[c] * value);
+    }
+    (transmittance, glow)
+}
+
+/// Extinction of the three channels; where one channel serves, the first counts.
+#[inline(always)]
+fn extinction(p: &ProjectParams) -> [f32; 3] {
+    triple!(c => p.extinction[if p.channels == 3 { c } else { 0 }])
+}
+
+/// Adds direction `n` to every value of the record.
+#[inline(always)]
+fn sum_record(inputs: &Inputs<'_>, record: &mut [F], n: usize, transmittance: [F; 3]) {
+    let p = inputs.p;
+    let (coefficients, weight_channels) = (p.coefficients as usize, p.weight_channels as usize);
+    let weights = &inputs.weights[n * coefficients * weight_channels..][..coefficients * weight_channels];
+    if p.channels == 1 {
+        for (sum, &w) in record.iter_mut().zip(weights) {
+            *sum = *sum + transmittance[0] * w;
         }
-        let weights = &inputs.weights[n * coefficients * weight_channels..][..coefficients * weight_channels];
-        if channels == 1 {
-            for (sum, &w) in sums[..stride].iter_mut().zip(weights) {
-                *sum = *sum + transmittance[0] * w;
-            }
-        } else {
-            for k in 0..coefficients {
-                for c in 0..3 {
-                    let w = weights[k * weight_channels + if weight_channels == 3 { c } else { 0 }];
-                    sums[k * 3 + c] = sums[k * 3 + c] + transmittance[c] * w;
-                }
-            }
+        return;
+    }
+    for k in 0..coefficients {
+        for c in 0..3 {
+            let w = weights[k * weight_channels + if weight_channels == 3 { c } else { 0 }];
+            record[k * 3 + c] = record[k * 3 + c] + transmittance[c] * w;
         }
-        let emission = p.emission_coefficients as usize;
-        for k in 0..emission {
-            let w = inputs.emission_weights[n * emission + k];
-            for c in 0..3 {
-                let sum = &mut sums[stride + k * 3 + c];
-                *sum = *sum + glow[c] * w;
-            }
+    }
+}
+
+/// Adds direction `n` to every value of the emission's moments.
+#[inline(always)]
+fn sum_glow(inputs: &Inputs<'_>, record: &mut [F], n: usize, glow: [F; 3]) {
+    let coefficients = inputs.p.emission_coefficients as usize;
+    for k in 0..coefficients {
+        let w = inputs.emission_weights[n * coefficients + k];
+        for c in 0..3 {
+            record[k * 3 + c] = record[k * 3 + c] + glow[c] * w;
         }
     }
 }
@@ -166,18 +200,17 @@ fn view_direction(p: &ProjectParams, at: [F; 3]) -> [F; 3] {
 /// Radiance that the medium sends along the ray to its origin, and the ray's transmittance.
 #[inline(always)]
 fn emission_along(inputs: &Inputs<'_>, ray: &Ray, glow: &mut [F; 3]) -> [F; 3] {
-    let p = inputs.p;
+    let (p, sigma) = (inputs.p, extinction(inputs.p));
     let mut transmittance = [F::ONE; 3];
     let last = ray.steps.max_lane();
     let mut k = 0.0;
     while k < last {
         let active = F::splat(k).lt(ray.steps);
-        let at = ray.at(ray.middle(k));
+        let at = ray.along(ray.middle(k));
         let density = active.select(inputs.density.sample(at), F::ZERO);
         let source = active.select(inputs.emission.sample(at), F::ZERO);
         for c in 0..3 {
-            let extinction = p.extinction[if p.channels == 3 { c } else { 0 }];
-            let (e, mean) = segment(density * ray.step * extinction);
+            let (e, mean) = segment(density * ray.step * sigma[c]);
             glow[c] = glow[c] + transmittance[c] * ray.step * mean * (source * p.emission[c]);
             transmittance[c] = transmittance[c] * e;
         }

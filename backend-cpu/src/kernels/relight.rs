@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use airlight_core::device::DeviceError;
-use airlight_core::stage::Relight;
+use airlight_core::stage::{Relight, RelightParams};
 use rayon::prelude::*;
 
 use crate::device::Memory;
@@ -11,40 +11,70 @@ use crate::device::Memory;
 /// Cells that one task takes.
 const CHUNK: usize = 256;
 
+#[derive(Clone, Copy)]
+struct Inputs<'a> {
+    p: &'a RelightParams,
+    records: &'a [f32],
+    emission_records: &'a [f32],
+    light: &'a [[f32; 4]],
+}
+
 pub(crate) fn run(stage: &Relight, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
     memory.take(stage.out)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
-    let (coefficients, channels) = (p.coefficients as usize, p.channels as usize);
-    let emission = p.emission_coefficients as usize;
-    let light = &read.buf(stage.light)?[..coefficients];
-    let records = read.buf(stage.records)?;
-    let emitted = read.opt(stage.emission_records)?;
-    // A record of one channel serves all three.
-    let channel = [0, 1, 2].map(|c| if channels == 3 { c } else { 0 });
-    let record = |cell: usize, k: usize, c: usize| records[(cell * coefficients + k) * channels + channel[c]];
-    let glow =
-        |cell: usize, k: usize, c: usize| if emission > 0 { emitted[(cell * emission + k) * 3 + c] } else { 0.0 };
+    let inputs = Inputs {
+        p,
+        records: read.buf(stage.records)?,
+        emission_records: read.opt(stage.emission_records)?,
+        light: &read.buf(stage.light)?[..p.coefficients as usize],
+    };
     let (start, end) = (range.start as usize, range.end as usize);
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
     let layers = p.layers as usize;
     out[start * layers..end * layers].par_chunks_mut(CHUNK * layers).enumerate().for_each(|(chunk, out)| {
         for (i, out) in out.chunks_exact_mut(layers).enumerate() {
-            let cell = start + chunk * CHUNK + i;
-            for (layer, place) in out.iter_mut().enumerate() {
-                for c in 0..3 {
-                    place[c] = if p.layers == 1 {
-                        let mut sum = 0.0;
-                        for k in 0..coefficients {
-                            sum += light[k][c] * record(cell, k, c);
-                        }
-                        sum + p.emission_weight * glow(cell, 0, c)
-                    } else {
-                        light[layer][c] * (record(cell, layer, c) + glow(cell, layer, c))
-                    };
-                }
-            }
+            relight(inputs, start + chunk * CHUNK + i, out);
         }
     });
     Ok(())
+}
+
+/// The layers of a cell.
+fn relight(inputs: Inputs<'_>, cell: usize, out: &mut [[f32; 4]]) {
+    let p = inputs.p;
+    for (layer, place) in out.iter_mut().enumerate() {
+        let mut sum = [0.0; 3];
+        if p.layers == 1 {
+            for (k, light) in inputs.light.iter().enumerate() {
+                let record = record(inputs, cell, k);
+                sum = [0, 1, 2].map(|c| sum[c] + light[c] * record[c]);
+            }
+            let glow = glow(inputs, cell, 0);
+            sum = [0, 1, 2].map(|c| sum[c] + p.emission_weight * glow[c]);
+        } else {
+            let (record, glow) = (record(inputs, cell, layer), glow(inputs, cell, layer));
+            sum = [0, 1, 2].map(|c| inputs.light[layer][c] * (record[c] + glow[c]));
+        }
+        place[..3].copy_from_slice(&sum);
+        place[3] = 0.0;
+    }
+}
+
+/// Coefficient `k` of a cell's record; a record of one channel serves all three.
+fn record(inputs: Inputs<'_>, cell: usize, k: usize) -> [f32; 3] {
+    let at = cell * inputs.p.coefficients as usize + k;
+    if inputs.p.channels == 1 {
+        return [inputs.records[at]; 3];
+    }
+    [0, 1, 2].map(|c| inputs.records[3 * at + c])
+}
+
+/// Coefficient `k` of the emission's moments.
+fn glow(inputs: Inputs<'_>, cell: usize, k: usize) -> [f32; 3] {
+    if inputs.p.emission_coefficients == 0 {
+        return [0.0; 3];
+    }
+    let at = cell * inputs.p.emission_coefficients as usize + k;
+    [0, 1, 2].map(|c| inputs.emission_records[3 * at + c])
 }

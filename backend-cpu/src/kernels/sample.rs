@@ -1,91 +1,7 @@
-//! Lookups of fields, and rays through their box.
+//! Rays through the box of the medium.
 
-use crate::packet::{F, I, LANES, M, lanes, lerp, triple};
-
-/// One layer of texels that packets look up: the only place that reads memory without a check.
-#[derive(Clone, Copy)]
-pub(crate) struct Texels<'a> {
-    data: &'a [f32],
-    dims: [i32; 3],
-}
-
-/// A cell of eight texels around a point: offsets of the texels, and where the point lies between them.
-struct Corners {
-    /// Offset of (x0, y0, z0) and the steps to x1, y1, z1, which are zero at the edge.
-    base: I,
-    step: [I; 3],
-    f: [F; 3],
-}
-
-impl<'a> Texels<'a> {
-    /// The scalars of a field of `dims`.
-    pub(crate) fn new(data: &'a [f32], dims: [u32; 4]) -> Self {
-        let dims = [dims[0] as i32, dims[1] as i32, dims[2] as i32];
-        assert!(dims.iter().all(|&d| d > 0));
-        let texels = dims.iter().map(|&d| d as usize).product::<usize>();
-        assert!(data.len() == texels && texels <= i32::MAX as usize);
-        Self { data, dims }
-    }
-
-    /// Texels along x, y, z as floats.
-    #[inline(always)]
-    pub(crate) fn size(&self) -> [f32; 3] {
-        self.dims.map(|d| d as f32)
-    }
-
-    /// Along axis `a`: the lower of the two texels around `p`, the step in offset to the upper one, and the place
-    /// between them. Indices are clamped at the edge.
-    #[inline(always)]
-    fn between(&self, p: F, a: usize, pitch: i32) -> (I, I, F) {
-        // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
-        let last = self.dims[a] - 1;
-        let q = p.max(F::ZERO).min(F::splat(last as f32));
-        let at = q.to_int();
-        let f = q - F(lanes!(i => at.0[i] as f32));
-        let step = I(lanes!(i => if at.0[i] < last { pitch } else { 0 }));
-        (at, step, f)
-    }
-
-    /// The texels around `p`.
-    #[inline(always)]
-    fn corners(&self, p: [F; 3]) -> Corners {
-        let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
-        let (x, dx, fx) = self.between(p[0], 0, 1);
-        let (y, dy, fy) = self.between(p[1], 1, row);
-        let (z, dz, fz) = self.between(p[2], 2, slice);
-        let base = I(lanes!(i => x.0[i] + y.0[i] * row + z.0[i] * slice));
-        Corners { base, step: [dx, dy, dz], f: [fx, fy, fz] }
-    }
-
-    #[inline(always)]
-    fn gather(&self, offset: I) -> F {
-        // SAFETY: offsets come from `corners` alone: each index is clamped to [0, dims - 1], also where the point is
-        // not a number, steps stay within, and `new` checked that the texels are as many as dims say.
-        #[allow(unsafe_code)]
-        F(lanes!(i => unsafe { *self.data.get_unchecked(offset.0[i] as usize) }))
-    }
-
-    /// Interpolates along x between the texels at `at` and `dx` further.
-    #[inline(always)]
-    fn row(&self, at: I, dx: I, f: F) -> F {
-        lerp(self.gather(at), self.gather(at.plus(dx)), f)
-    }
-
-    /// Trilinear lookup at `p` in index space, x then y then z.
-    #[inline(always)]
-    pub(crate) fn sample(&self, p: [F; 3]) -> F {
-        let Corners { base, step: [dx, dy, dz], f } = self.corners(p);
-        let near = lerp(self.row(base, dx, f[0]), self.row(base.plus(dy), dx, f[0]), f[1]);
-        let base = base.plus(dz);
-        let far = lerp(self.row(base, dx, f[0]), self.row(base.plus(dy), dx, f[0]), f[1]);
-        lerp(near, far, f[2])
-    }
-
-    /// Trilinear lookup of a single point.
-    pub(crate) fn sample_one(&self, p: [f32; 3]) -> f32 {
-        self.sample(p.map(F::splat)).0[0]
-    }
-}
+use super::field::Scalars;
+use crate::packet::{F, LANES, M, triple};
 
 /// Coarse maxima over blocks of voxels, for stepping over empty space.
 #[derive(Clone, Copy)]
@@ -169,7 +85,7 @@ impl Ray {
 
     /// The point `t` metres along.
     #[inline(always)]
-    pub(crate) fn at(&self, t: F) -> [F; 3] {
+    pub(crate) fn along(&self, t: F) -> [F; 3] {
         triple!(a => self.origin[a] + t * self.direction[a])
     }
 
@@ -181,7 +97,7 @@ impl Ray {
 
     /// The column of density along the ray, in units of density times metres.
     #[inline(always)]
-    pub(crate) fn column(&self, density: Texels<'_>, occupancy: Option<Occupancy<'_>>, lanes: M) -> F {
+    pub(crate) fn column(&self, density: Scalars<'_>, occupancy: Option<Occupancy<'_>>, lanes: M) -> F {
         let steps = lanes.select(self.steps, F::ZERO);
         let last = steps.max_lane();
         let mut sum = F::ZERO;
@@ -193,72 +109,9 @@ impl Ray {
                 k = next;
                 continue;
             }
-            sum = active.select(sum + density.sample(self.at(t)), sum);
+            sum = active.select(sum + density.sample(self.along(t)), sum);
             k += 1.0;
         }
         sum * self.step
     }
-}
-
-/// a + (b - a) f of texels.
-#[inline(always)]
-fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
-    [a[0] + (b[0] - a[0]) * f, a[1] + (b[1] - a[1]) * f, a[2] + (b[2] - a[2]) * f, a[3] + (b[3] - a[3]) * f]
-}
-
-/// Where a lookup falls in a field over the record cells: offsets of the lower and the upper texel's first layer along
-/// each axis, and the place between them.
-#[derive(Clone, Copy)]
-pub(crate) struct Place {
-    x: [usize; 2],
-    y: [usize; 2],
-    z: [usize; 2],
-    f: [f32; 3],
-}
-
-impl Place {
-    /// Of the point `p`, where texel i lies at i; both texels are the nearest one unless `trilinear`.
-    #[inline(always)]
-    pub(crate) fn new(dims: [usize; 3], layers: usize, p: [f32; 3], trilinear: bool) -> Self {
-        let [x, y, z] = triple!(a => between(dims[a], p[a], trilinear));
-        let (row, slice) = (layers * dims[0], layers * dims[0] * dims[1]);
-        Self {
-            x: [x.0 * layers, x.1 * layers],
-            y: [y.0 * row, y.1 * row],
-            z: [z.0 * slice, z.1 * slice],
-            f: [x.2, y.2, z.2],
-        }
-    }
-}
-
-/// The two texels around `p` of `n`, clamped at the edge, and the place between them.
-#[inline(always)]
-fn between(n: usize, p: f32, trilinear: bool) -> (usize, usize, f32) {
-    let last = (n - 1) as f32;
-    if trilinear {
-        let q = p.max(0.0).min(last);
-        let at = q as usize;
-        (at, (at + 1).min(n - 1), q - at as f32)
-    } else {
-        // Half a texel on and rounded down.
-        let at = (p + 0.5).max(0.0).min(last) as usize;
-        (at, at, 0.0)
-    }
-}
-
-/// Trilinear lookup of one layer of an RGBA field whose layers are fastest, x then y then z.
-#[inline(always)]
-pub(crate) fn sample_rgba(texels: &[[f32; 4]], place: Place, layer: usize) -> [f32; 4] {
-    let Place { x, y, z, f } = place;
-    let near = mix_row(texels, z[0] + y[0] + layer, x, f[0]);
-    let near = mix(near, mix_row(texels, z[0] + y[1] + layer, x, f[0]), f[1]);
-    let far = mix_row(texels, z[1] + y[0] + layer, x, f[0]);
-    let far = mix(far, mix_row(texels, z[1] + y[1] + layer, x, f[0]), f[1]);
-    mix(near, far, f[2])
-}
-
-/// Interpolates along x between two texels of the row that starts at `row`.
-#[inline(always)]
-fn mix_row(texels: &[[f32; 4]], row: usize, x: [usize; 2], f: f32) -> [f32; 4] {
-    mix(texels[row + x[0]], texels[row + x[1]], f)
 }

@@ -1,4 +1,4 @@
-//! Attenuation over one step.
+//! Light along a short piece of a ray.
 
 use crate::packet::F;
 

@@ -2,19 +2,19 @@
 
 use std::fmt::Write as _;
 
-use airlight_core::device::{Device, DeviceError, KernelStruct};
-use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams};
+use airlight_core::device::{Device, DeviceError, KernelLanguage, KernelStruct};
+use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples};
 
 use super::{content, device, empty};
 use crate::cl::Arg;
-use crate::source::tests::{shapes, stages};
+use crate::source::tests::shapes;
 use crate::source::{self, Launch, MAX_SLABS};
 
 #[test]
 fn every_kernel_builds_with_and_without_what_is_optional_and_in_slabs() {
     let Some(mut device) = device() else { return };
     for full in [true, false] {
-        for stage in &stages(full) {
+        for stage in &examples(full) {
             for (slabs, layered) in [(1, false), (1, true), (2, false), (MAX_SLABS, true)] {
                 let source = source::of(stage);
                 let text = source.text(&shapes(stage, slabs, layered));
@@ -30,7 +30,8 @@ fn every_kernel_builds_with_and_without_what_is_optional_and_in_slabs() {
 fn the_compiler_lays_structs_out_as_rust_does() {
     let Some(mut device) = device() else { return };
     fn check<T: KernelStruct>(device: &mut crate::OpenclDevice, id: u32) {
-        let mut text = T::opencl() + "__kernel void layout(__constant const uint *none, __global uint *out) {\n";
+        let mut text = T::text(KernelLanguage::Opencl)
+            + "__kernel void layout(__constant const uint *none, __global uint *out) {\n";
         let _ = writeln!(text, "    {} value;\n    out[0] = sizeof(value);", T::NAME);
         for (at, field) in (1..).zip(T::FIELDS) {
             let (name, pointer) = (field.name, "(__private char *)&value");

@@ -1,60 +1,10 @@
 //! What can be said of kernels without a device, by wgpu's own reader of WGSL.
 
-use airlight_core::device::{Buf, Field, FieldSpec, KernelField, ResourceId};
-use airlight_core::stage::{Project, Relight};
-use bytemuck::Zeroable;
+use airlight_core::device::KernelField;
+use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples};
 use naga::AddressSpace;
 
 use super::*;
-
-/// Every stage, with all that it may be given or with as little as it runs with.
-fn stages(full: bool) -> [Stage; 4] {
-    let field = |id, format| Field { id: ResourceId(id), spec: FieldSpec { dims: [3, 4, 5], layers: 1, format } };
-    let scalar = |id| field(id, FieldFormat::Scalar);
-    fn buf<T>(id: u32) -> Buf<T> {
-        Buf::new(ResourceId(id), 1)
-    }
-    [
-        Stage::Reduce(Reduce {
-            params: Zeroable::zeroed(),
-            density: scalar(0),
-            other: full.then(|| scalar(1)),
-            out: buf(2),
-        }),
-        Stage::Project(Project {
-            params: Zeroable::zeroed(),
-            density: scalar(0),
-            emission: full.then(|| scalar(1)),
-            occupancy: full.then(|| buf(2)),
-            directions: buf(3),
-            weights: buf(4),
-            emission_weights: full.then(|| buf(5)),
-            phase_table: full.then(|| buf(6)),
-            records: buf(7),
-            emission_records: full.then(|| buf(8)),
-        }),
-        Stage::Relight(Relight {
-            params: Zeroable::zeroed(),
-            records: buf(0),
-            emission_records: full.then(|| buf(1)),
-            light: buf(2),
-            out: buf(3),
-        }),
-        Stage::March(March {
-            params: Zeroable::zeroed(),
-            density: scalar(0),
-            emission: full.then(|| scalar(1)),
-            in_scatter: full.then(|| field(2, FieldFormat::Rgba)),
-            occupancy: full.then(|| buf(3)),
-            lights: full.then(|| buf(4)),
-            tables: buf(5),
-            environment: full.then(|| buf(6)),
-            surface: full.then(|| buf(7)),
-            paths: full.then(|| buf(8)),
-            film: buf(9),
-        }),
-    ]
-}
 
 fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
     stage.bindings().iter().map(|binding| Shape::new(binding, slabs)).collect()
@@ -62,16 +12,16 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
 
 /// Reads and validates a kernel; faults name their file and line.
 fn module(text: &Text) -> Result<naga::Module, String> {
-    let module = naga::front::wgsl::parse_str(&text.wgsl).map_err(|error| {
-        let line = error.location(&text.wgsl).map_or(0, |at| at.line_number as usize);
+    let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
+        let line = error.location(&text.whole).map_or(0, |at| at.line_number as usize);
         format!("{:?}: {}", text.place(line), error.message())
     })?;
     let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), Default::default());
     match validator.validate(&module) {
         Ok(_) => Ok(module),
         Err(error) => {
-            let line = error.location(&text.wgsl).map_or(0, |at| at.line_number as usize);
-            Err(format!("{:?}: {}", text.place(line), error.emit_to_string(&text.wgsl)))
+            let line = error.location(&text.whole).map_or(0, |at| at.line_number as usize);
+            Err(format!("{:?}: {}", text.place(line), error.emit_to_string(&text.whole)))
         }
     }
 }
@@ -79,7 +29,7 @@ fn module(text: &Text) -> Result<naga::Module, String> {
 #[test]
 fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
     for full in [true, false] {
-        for stage in &stages(full) {
+        for stage in &examples(full) {
             for slabs in [1, 2, MAX_SLABS] {
                 if let Err(error) = module(&of(stage).text(&shapes(stage, slabs))) {
                     panic!("{} {full} {slabs}: {error}", stage.name());
@@ -94,7 +44,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
 
 #[test]
 fn every_stage_has_a_kernel_of_its_name() {
-    for (stage, name) in stages(true).iter().zip(Stage::NAMES) {
+    for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
         assert_eq!((stage.name(), of(stage).name), (name, name));
         let module = module(&of(stage).text(&shapes(stage, 1))).unwrap();
         assert_eq!(module.entry_points[0].name, name);
@@ -107,7 +57,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 
 #[test]
 fn kernels_bind_what_their_stages_list_under_the_same_names() {
-    for stage in &stages(true) {
+    for stage in &examples(true) {
         let shapes = shapes(stage, 2);
         let module = module(&of(stage).text(&shapes)).unwrap();
         let global = |group, binding| {
@@ -142,7 +92,7 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 #[test]
 fn structs_lie_in_wgsl_as_in_rust() {
     fn check<T: KernelStruct>() {
-        let text = format!("{}@group(0) @binding(0) var<uniform> value: {};\n", T::wgsl(), T::NAME);
+        let text = format!("{}@group(0) @binding(0) var<uniform> value: {};\n", T::text(WGSL), T::NAME);
         let module = naga::front::wgsl::parse_str(&text).unwrap();
         let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(T::NAME)).unwrap();
         let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{found:?}") };
@@ -163,10 +113,10 @@ fn structs_lie_in_wgsl_as_in_rust() {
 
 #[test]
 fn faults_name_the_file_and_line_they_stand_in() {
-    let stage = &stages(true)[3];
+    let stage = &examples(true)[3];
     let mut text = of(stage).text(&shapes(stage, 1));
-    let lines = SEGMENT.text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
-    text.wgsl = text.wgsl.replace("exp(-tau)", "no_such_function(-tau)");
+    let lines = helper(Helper::Segment).text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
+    text.whole = text.whole.replace("exp(-tau)", "no_such_function(-tau)");
     let error = module(&text).unwrap_err();
     assert!(error.contains(&format!("(\"segment.wgsl\", {})", lines + 1)), "{error}");
 }

@@ -194,7 +194,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
     let side = side as f32;
     let occupancy = bench.room::<[f32; 2]>((x * y * z) as usize, Usage::Work)?;
     let reduce = Stage::Reduce(Reduce {
-        params: ReduceParams { dims: host.params.dims, coarse: [x, y, z, 0], cell: [side, side, side, 0.0] },
+        params: ReduceParams::new(host.params.dims, [x, y, z, 0], [side, side, side, 0.0]),
         density: march.density,
         other: march.emission,
         out: occupancy,

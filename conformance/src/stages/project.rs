@@ -99,7 +99,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     params.cell = [side(0), side(1), side(2), set.step];
     params.extinction = if set.chromatic { [6.0, 4.0, 2.5, 0.0] } else { [4.0, 4.0, 4.0, 0.0] };
     params.emission = [0.4, 0.9, 0.2, 0.0];
-    params.directions = healpix::count(set.nside) as u32;
+    params.direction_end = healpix::count(set.nside) as u32;
     params.coefficients = set.coefficients;
     params.channels = if set.chromatic { 3 } else { 1 };
     params.weight_channels = if set.colored_weights { 3 } else { 1 };
@@ -118,8 +118,8 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let directions: Vec<[f32; 4]> =
         healpix::directions(set.nside).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
     let signed = |seed: u64, n: u32| -> Vec<f32> { noise(seed, n as usize).iter().map(|v| v - 0.25).collect() };
-    let weights = signed(33, params.directions * params.coefficients * params.weight_channels);
-    let emission_weights = signed(34, params.directions * params.emission_coefficients);
+    let weights = signed(33, params.direction_end * params.coefficients * params.weight_channels);
+    let emission_weights = signed(34, params.direction_end * params.emission_coefficients);
     let cells = CELLS.iter().product::<u32>() as usize;
     // Every third cell is said to be empty, whatever it holds.
     let occupancy: Vec<[f32; 2]> = (0..cells).map(|i| [1.0, if i % 3 == 1 { 0.0 } else { 0.5 }]).collect();

@@ -28,16 +28,16 @@ pub(crate) fn cases() -> Vec<Case> {
         .into_iter()
         .map(|(name, cells, probes, margin, second)| {
             let side = |a: usize| DIMS[a] as f32 / cells[a] as f32;
-            let params = ReduceParams {
-                dims: [DIMS.x, DIMS.y, DIMS.z, 0],
-                coarse: [cells[0], cells[1], cells[2], probes],
-                cell: [side(0), side(1), side(2), margin],
-            };
+            let params = ReduceParams::new(
+                [DIMS.x, DIMS.y, DIMS.z, 0],
+                [cells[0], cells[1], cells[2], probes],
+                [side(0), side(1), side(2), margin],
+            );
             case("reduce", name, GIVES, &tolerance::MEAN, move |subject, record| one(subject, record, params, second))
         })
         .collect();
     // Cells that reach past the box, as the march's occupancy has them.
-    let params = ReduceParams { dims: [DIMS.x, DIMS.y, DIMS.z, 0], coarse: [4, 3, 5, 0], cell: [2.0, 2.0, 2.0, 0.0] };
+    let params = ReduceParams::new([DIMS.x, DIMS.y, DIMS.z, 0], [4, 3, 5, 0], [2.0, 2.0, 2.0, 0.0]);
     let past = move |subject: &Subject, record: &mut Record| one(subject, record, params, true);
     cases.push(case("reduce", "blocks_past_the_box", GIVES, &tolerance::MEAN, past));
     cases

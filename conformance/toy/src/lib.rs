@@ -4,7 +4,6 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::time::Instant;
 
-use airlight_core::basis::SphericalHarmonics;
 use airlight_core::device::{
     Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, Limits, Provider, ResourceId, ResourceSpec,
     StageTime, Unavailable,
@@ -131,7 +130,7 @@ impl Device for Toy {
         stage.check(&range, |id| self.memory.get(&id).map(|resource| resource.spec))?;
         let begin = Instant::now();
         if !range.is_empty() {
-            self.run(stage, &range)?;
+            self.run(stage, &range);
         }
         self.times.push(StageTime { stage: stage.name(), range, time: begin.elapsed() });
         Ok(())
@@ -152,10 +151,10 @@ impl Toy {
     }
 
     /// Writes what a range of a stage writes. Twins compute a stage whole, so the pieces of one share its result.
-    fn run(&mut self, stage: &Stage, range: &Range<u32>) -> Result<(), DeviceError> {
+    fn run(&mut self, stage: &Stage, range: &Range<u32>) {
         let whole = match self.last.take() {
             Some((last, whole)) if last == *stage => whole,
-            _ => self.twin(stage)?,
+            _ => self.twin(stage),
         };
         for binding in stage.bindings() {
             let Some((_, values)) = whole.iter().find(|(name, _)| *name == binding.name) else { continue };
@@ -167,12 +166,12 @@ impl Toy {
             }
         }
         self.last = Some((stage.clone(), whole));
-        Ok(())
     }
 
-    /// All that a stage writes.
-    fn twin(&self, stage: &Stage) -> Result<Outputs, DeviceError> {
-        Ok(match stage {
+    /// All that a stage writes. Each pass of a stage that runs in passes leaves all up to its end, so that the last one
+    /// leaves the whole.
+    fn twin(&self, stage: &Stage) -> Outputs {
+        match stage {
             Stage::Reduce(s) => {
                 let inputs = ReduceInputs { density: self.field(s.density), other: s.other.map(|f| self.field(f)) };
                 vec![("reduced", reference::reduce(&s.params, &inputs))]
@@ -198,16 +197,7 @@ impl Toy {
                 };
                 vec![("in_scatter", reference::relight(&s.params, &inputs))]
             }
-            // What a pass before the last leaves is for the next one, and the twin needs nothing of it.
-            Stage::March(s) if (s.params.sample_end, s.params.step_end) != (s.params.samples, March::ALL_STEPS) => {
-                Outputs::new()
-            }
             Stage::March(s) => {
-                let (layers, bands) = (s.params.cells[3], SphericalHarmonics::DEVICE_BANDS);
-                if s.in_scatter.is_some() && layers > bands * bands {
-                    let (requested, limit) = (layers.into(), (bands * bands).into());
-                    return Err(DeviceError::Limit { what: "in-scatter of layers", requested, limit });
-                }
                 // Lights want to lie at multiples of 16 bytes, which floats do not promise.
                 let lights = s.lights.map_or(&[][..], |b| self.words(b.id, b.bytes()));
                 let lights: Vec<LightRecord> = bytemuck::cast_slice::<_, u8>(lights)
@@ -225,7 +215,7 @@ impl Toy {
                 };
                 vec![("film", reference::march(&s.params, &inputs))]
             }
-        })
+        }
     }
 
     /// What a resource holds, as far as a stage's binding reaches. `Stage::check` has seen that it does.

@@ -2,8 +2,10 @@
 
 use bytemuck::Pod;
 
+use super::text::KernelLanguage;
+
 /// Type of a field of a [`KernelStruct`]: scalars and 4-vectors only, because every language lays those out alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum KernelScalar {
     /// 32-bit float.
     F32,
@@ -24,23 +26,64 @@ impl KernelScalar {
         }
     }
 
-    fn wgsl(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::U32 => "u32",
-            Self::F32x4 => "vec4<f32>",
-            Self::U32x4 => "vec4<u32>",
+    /// Its name in a language.
+    pub const fn name(self, language: KernelLanguage) -> &'static str {
+        match (language, self) {
+            (KernelLanguage::Wgsl, Self::F32) => "f32",
+            (KernelLanguage::Wgsl, Self::U32) => "u32",
+            (KernelLanguage::Wgsl, Self::F32x4) => "vec4<f32>",
+            (KernelLanguage::Wgsl, Self::U32x4) => "vec4<u32>",
+            (KernelLanguage::Opencl, Self::F32) => "float",
+            (KernelLanguage::Opencl, Self::U32) => "uint",
+            (KernelLanguage::Opencl, Self::F32x4) => "float4",
+            (KernelLanguage::Opencl, Self::U32x4) => "uint4",
         }
     }
+}
 
-    fn opencl(self) -> &'static str {
-        match self {
-            Self::F32 => "float",
-            Self::U32 => "uint",
-            Self::F32x4 => "float4",
-            Self::U32x4 => "uint4",
+/// What the elements of a buffer, or the texels of a field, are in kernels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum KernelElement {
+    /// A scalar or a 4-vector.
+    Scalar(KernelScalar),
+    /// Two floats.
+    F32x2,
+    /// A [`KernelStruct`] of this name.
+    Struct(&'static str),
+}
+
+impl KernelElement {
+    /// Its name in a language.
+    pub const fn name(self, language: KernelLanguage) -> &'static str {
+        match (language, self) {
+            (_, Self::Scalar(scalar)) => scalar.name(language),
+            (KernelLanguage::Wgsl, Self::F32x2) => "vec2<f32>",
+            (KernelLanguage::Opencl, Self::F32x2) => "float2",
+            (_, Self::Struct(name)) => name,
         }
     }
+}
+
+/// What a buffer that stages bind may hold.
+pub trait BufferElement: Pod {
+    /// What it is in kernels.
+    const ELEMENT: KernelElement;
+}
+
+impl BufferElement for f32 {
+    const ELEMENT: KernelElement = KernelElement::Scalar(KernelScalar::F32);
+}
+
+impl BufferElement for [f32; 2] {
+    const ELEMENT: KernelElement = KernelElement::F32x2;
+}
+
+impl BufferElement for [f32; 4] {
+    const ELEMENT: KernelElement = KernelElement::Scalar(KernelScalar::F32x4);
+}
+
+impl<T: KernelStruct> BufferElement for T {
+    const ELEMENT: KernelElement = KernelElement::Struct(T::NAME);
 }
 
 /// One field of a [`KernelStruct`].
@@ -61,16 +104,17 @@ pub trait KernelStruct: Pod {
     /// The fields in order.
     const FIELDS: &'static [KernelField];
 
-    /// The struct's text in WGSL.
-    fn wgsl() -> String {
-        let fields: String = Self::FIELDS.iter().map(|f| format!("    {}: {},\n", f.name, f.scalar.wgsl())).collect();
-        format!("struct {} {{\n{fields}}}\n", Self::NAME)
-    }
-
-    /// The struct's text in OpenCL C.
-    fn opencl() -> String {
-        let fields: String = Self::FIELDS.iter().map(|f| format!("    {} {};\n", f.scalar.opencl(), f.name)).collect();
-        format!("typedef struct {{\n{fields}}} {};\n", Self::NAME)
+    /// The struct's text in a language.
+    fn text(language: KernelLanguage) -> String {
+        let field = |f: &KernelField| match language {
+            KernelLanguage::Wgsl => format!("    {}: {},\n", f.name, f.scalar.name(language)),
+            KernelLanguage::Opencl => format!("    {} {};\n", f.scalar.name(language), f.name),
+        };
+        let fields: String = Self::FIELDS.iter().map(field).collect();
+        match language {
+            KernelLanguage::Wgsl => format!("struct {} {{\n{fields}}}\n", Self::NAME),
+            KernelLanguage::Opencl => format!("typedef struct {{\n{fields}}} {};\n", Self::NAME),
+        }
     }
 }
 

@@ -9,15 +9,19 @@ mod decorate;
 mod kernel;
 mod resource;
 mod slabs;
+mod text;
 
 use std::ops::Range;
 use std::time::Duration;
 
 pub use bytes::Bytes;
 pub use decorate::{Fault, Faulty, Traced};
-pub use kernel::{KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout};
+pub use kernel::{
+    BufferElement, KernelElement, KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout,
+};
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 pub use slabs::Slabs;
+pub use text::{Helper, KernelFile, KernelLanguage, KernelText, Recipe, Shape, ShapeKind};
 
 use crate::stage::Stage;
 

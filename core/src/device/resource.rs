@@ -2,6 +2,8 @@
 
 use std::marker::PhantomData;
 
+use super::kernel::{BufferElement, KernelElement, KernelScalar};
+
 /// Identity of a resource on a device; the executor chooses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ResourceId(pub u32);
@@ -32,6 +34,14 @@ impl FieldFormat {
         match self {
             Self::Scalar => 4,
             Self::Rgba => 16,
+        }
+    }
+
+    /// What a texel is in kernels.
+    pub fn element(self) -> KernelElement {
+        match self {
+            Self::Scalar => KernelElement::Scalar(KernelScalar::F32),
+            Self::Rgba => KernelElement::Scalar(KernelScalar::F32x4),
         }
     }
 }
@@ -148,6 +158,8 @@ pub struct Binding {
     pub id: Option<ResourceId>,
     /// How it is used.
     pub access: BindingAccess,
+    /// What a buffer's element or a field's texel is in kernels.
+    pub element: KernelElement,
     /// Bytes of a buffer that one group of the work axis ([`Kernel::group`](crate::stage::Kernel::group)) touches:
     /// group g touches bytes g · `part` to (g + 1) · `part`, the last one as far as the buffer reaches. A device may
     /// then bind only the part of its range. None where any unit may touch any byte.
@@ -159,19 +171,19 @@ impl Binding {
     pub fn sample(name: &'static str, format: FieldFormat, field: Option<Field>) -> Self {
         let none = FieldSpec { dims: [0; 3], layers: 0, format };
         let access = BindingAccess::Sample(field.map_or(none, |f| f.spec));
-        Self { name, id: field.map(|f| f.id), access, part: None }
+        Self { name, id: field.map(|f| f.id), access, element: format.element(), part: None }
     }
 
     /// A buffer that is read.
-    pub fn read<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
-        let bytes = buf.map_or(0, |b| b.bytes());
-        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Read(bytes), part: None }
+    pub fn read<T: BufferElement>(name: &'static str, buf: Option<Buf<T>>) -> Self {
+        let access = BindingAccess::Read(buf.map_or(0, |b| b.bytes()));
+        Self { name, id: buf.map(|b| b.id), access, element: T::ELEMENT, part: None }
     }
 
     /// A buffer that is written.
-    pub fn write<T>(name: &'static str, buf: Option<Buf<T>>) -> Self {
-        let bytes = buf.map_or(0, |b| b.bytes());
-        Self { name, id: buf.map(|b| b.id), access: BindingAccess::Write(bytes), part: None }
+    pub fn write<T: BufferElement>(name: &'static str, buf: Option<Buf<T>>) -> Self {
+        let access = BindingAccess::Write(buf.map_or(0, |b| b.bytes()));
+        Self { name, id: buf.map(|b| b.id), access, element: T::ELEMENT, part: None }
     }
 
     /// The same, of which each group of the work axis touches `elements` elements of its own, in order.

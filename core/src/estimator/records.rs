@@ -131,11 +131,11 @@ impl<'a> Setup<'a> {
         };
         let out = plan.work("record occupancy", self.cell_count());
         plan.stage(Stage::Reduce(Reduce {
-            params: ReduceParams {
-                dims: medium.grid.dims,
-                coarse: [self.cells[0], self.cells[1], self.cells[2], probes],
-                cell: self.cell(medium, margin),
-            },
+            params: ReduceParams::new(
+                medium.grid.dims,
+                [self.cells[0], self.cells[1], self.cells[2], probes],
+                self.cell(medium, margin),
+            ),
             density: medium.density,
             other: None,
             out,
@@ -214,7 +214,7 @@ impl<'a> Setup<'a> {
         params.cell = self.cell(medium, medium.step);
         params.extinction = optics.extinction.extend(0.0).to_array();
         params.emission = optics.emission.extend(0.0).to_array();
-        params.directions = self.options.directions;
+        params.direction_end = self.options.directions;
         params.coefficients = self.coefficients();
         (params.channels, params.weight_channels) = (self.channels, self.weight_channels);
         params.emission_coefficients = self.emission_coefficients;

@@ -150,11 +150,7 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
     let side = OCCUPANCY as f32;
     let occupancy = plan.work("occupancy", cells.iter().fold(1, |n: u64, &c| n.saturating_mul(c.into())));
     plan.stage(Stage::Reduce(Reduce {
-        params: ReduceParams {
-            dims: grid.dims,
-            coarse: [cells[0], cells[1], cells[2], 0],
-            cell: [side, side, side, 0.0],
-        },
+        params: ReduceParams::new(grid.dims, [cells[0], cells[1], cells[2], 0], [side, side, side, 0.0]),
         density: medium.density,
         other: medium.emission.field(),
         out: occupancy,

@@ -53,7 +53,7 @@ fn one(params: &ProjectParams, inputs: &ProjectInputs<'_>, center: DVec3) -> (Ve
     let view = apply([params.world_x, params.world_y, params.world_z], center - xyz(params.eye)).normalize_or_zero();
     let mut record = vec![0.0; coefficients * channels];
     let mut emitted = vec![0.0; moments * 3];
-    for (i, &direction) in inputs.directions.iter().take(params.directions as usize).enumerate() {
+    for (i, &direction) in inputs.directions.iter().enumerate().take(params.direction_end as usize) {
         let direction = xyz(direction);
         let along = apply([params.index_x, params.index_y, params.index_z], direction);
         let steps = Steps::new(center, along, params.dims, f64::INFINITY, params.cell[3].into());
@@ -113,7 +113,7 @@ mod tests {
         (params.cells, params.cell) = ([2, 1, 2, 0], [1.5, 2.0, 2.0, 0.01]);
         params.extinction = [2.0, 1.0, 0.5, 0.0];
         params.emission = [0.3, 0.2, 0.1, 0.0];
-        (params.directions, params.coefficients, params.channels, params.weight_channels) = (48, 1, 3, 1);
+        (params.direction_end, params.coefficients, params.channels, params.weight_channels) = (48, 1, 3, 1);
         params.emission_coefficients = 1;
         let directions = healpix::directions(2);
         let inputs = ProjectInputs {

@@ -94,7 +94,7 @@ mod tests {
         let dims = [7, 5, 9, 0];
         let values = (0..315).map(|i| if i % 11 == 3 { 0.0 } else { (0.3 * f64::from(i)).sin().abs() as f32 });
         let side = |a: usize, cells: u32| dims[a] as f32 / cells as f32;
-        let params = ReduceParams { dims, coarse: [3, 2, 4, 0], cell: [side(0, 3), side(1, 2), side(2, 4), 0.0] };
+        let params = ReduceParams::new(dims, [3, 2, 4, 0], [side(0, 3), side(1, 2), side(2, 4), 0.0]);
         (params, values.collect())
     }
 

@@ -1,5 +1,7 @@
 //! What several stages say alike: the lattice of the density and the phase function.
 
+use glam::{DMat3, DVec3};
+
 use crate::device::{Field, FieldFormat};
 use crate::media::{Lattice, Phase};
 
@@ -26,6 +28,18 @@ impl GridParams {
             world: rows(lattice.index_to_world().matrix3),
         }
     }
+}
+
+/// The most steps of a ray through the box of `dims` voxels, whose rows of the map from metres to voxels are `index`.
+pub(super) fn most_steps(dims: [u32; 4], index: [[f32; 4]; 3], longest: f32) -> u64 {
+    let row = |r: [f32; 4]| DVec3::new(r[0].into(), r[1].into(), r[2].into());
+    // Metres of a voxel's edges: the inverse of the map from metres to voxels.
+    let world = DMat3::from_cols(row(index[0]), row(index[1]), row(index[2])).transpose().inverse();
+    let edges = [0, 1, 2].map(|a| world.col(a) * f64::from(dims[a]));
+    let diagonals = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+    let across = diagonals.iter().map(|(y, z)| (edges[0] + y * edges[1] + z * edges[2]).length()).fold(0.0, f64::max);
+    // Casting saturates, and rounding may add a step.
+    ((across / f64::from(longest)).ceil() as u64).saturating_add(2)
 }
 
 /// Whether `field` is a scalar field of one layer of `dims`.

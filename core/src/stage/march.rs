@@ -21,12 +21,10 @@
 
 use std::ops::Range;
 
-use glam::{DMat3, DVec3};
-
 use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::is_scalar;
+use crate::stage::grid::{is_scalar, most_steps};
 use crate::stage::{Kernel, PhaseParams, require};
 
 kernel_struct! {
@@ -173,15 +171,7 @@ impl March {
 
     fn turns(&self) -> Turns {
         let p = &self.params;
-        let row = |r: [f32; 4]| DVec3::new(r[0].into(), r[1].into(), r[2].into());
-        // Metres of a voxel's edges: the inverse of the map from metres to voxels.
-        let world = DMat3::from_cols(row(p.index_x), row(p.index_y), row(p.index_z)).transpose().inverse();
-        let edges = [0, 1, 2].map(|a| world.col(a) * f64::from(p.dims[a]));
-        let diagonals = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-        let longest =
-            diagonals.iter().map(|(y, z)| (edges[0] + y * edges[1] + z * edges[2]).length()).fold(0.0, f64::max);
-        // Casting saturates, and rounding may add a step.
-        let steps = ((longest / f64::from(p.step)).ceil() as u64).saturating_add(2);
+        let steps = most_steps(p.dims, [p.index_x, p.index_y, p.index_z], p.step);
         let layers = if p.cells[3] > 1 { u64::from(p.cells[3]) } else { 0 };
         let column = if p.shadow == shadow_kind::MARCH { steps } else { 0 };
         // Of a step: itself, the channels, the layers, the lights with their columns.
@@ -286,7 +276,7 @@ impl Kernel for March {
             require!(spec.format == FieldFormat::Rgba && layers > 0, "in-scatter of {spec:?}");
             if layers > 1 {
                 let most = SphericalHarmonics::DEVICE_BANDS;
-                require!(p.bands <= most, "{} bands, and kernels have room for {most}", p.bands);
+                require!(p.bands <= most, "{} bands; kernels hold {most}", p.bands);
                 require!(p.bands * p.bands == layers, "{} bands for {layers} layers", p.bands);
                 let triangle = u64::from(p.bands) * u64::from(p.bands + 1) / 2;
                 table = table.max(u64::from(p.harmonics_at) + 2 * triangle);

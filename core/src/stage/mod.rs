@@ -4,12 +4,14 @@
 //! ranges that do not depend on each other. Each file here says what its stage computes and where that comes from;
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
+mod examples;
 mod grid;
 mod march;
 mod project;
 mod reduce;
 mod relight;
 
+pub use examples::examples;
 pub use grid::{GridParams, PhaseParams};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
@@ -158,24 +160,15 @@ pub(crate) use require;
 mod tests {
     use super::*;
     use crate::device::{Buf, Field, FieldFormat, FieldSpec};
-    use crate::device::{KernelStruct, ResourceId};
-    use bytemuck::Zeroable;
+    use crate::device::{KernelLanguage, KernelStruct, ResourceId};
 
     #[test]
     fn shared_structs_have_the_same_text_in_both_languages() {
-        assert_eq!(
-            RelightParams::wgsl().lines().nth(1).map(str::trim),
-            Some("cells: u32,"),
-            "{}",
-            RelightParams::wgsl()
-        );
-        for (wgsl, opencl) in [
-            (ReduceParams::wgsl(), ReduceParams::opencl()),
-            (ProjectParams::wgsl(), ProjectParams::opencl()),
-            (MarchParams::wgsl(), MarchParams::opencl()),
-            (LightRecord::wgsl(), LightRecord::opencl()),
-        ] {
-            assert_eq!(wgsl.lines().count(), opencl.lines().count());
+        use KernelLanguage::{Opencl, Wgsl};
+        assert_eq!(RelightParams::text(Wgsl).lines().nth(1), Some("    cells: u32,"));
+        assert_eq!(RelightParams::text(Opencl).lines().nth(1), Some("    uint cells;"));
+        for text in [ReduceParams::text, ProjectParams::text, MarchParams::text, LightRecord::text] {
+            assert_eq!(text(Wgsl).lines().count(), text(Opencl).lines().count());
         }
     }
 
@@ -183,8 +176,7 @@ mod tests {
     fn a_resource_may_not_be_read_and_written() {
         let spec = FieldSpec { dims: [1; 3], layers: 1, format: FieldFormat::Scalar };
         let density = Field { id: ResourceId(1), spec };
-        let mut params = ReduceParams::zeroed();
-        (params.dims, params.coarse, params.cell) = ([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
+        let params = ReduceParams::new([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
         let stage = |out| Stage::Reduce(Reduce { params, density, other: None, out: Buf::new(ResourceId(out), 1) });
         assert!(stage(2).validate().is_ok());
         assert!(stage(1).validate().is_err());

@@ -16,10 +16,17 @@
 //! moments of its own (section 4.5): E\[k\]\[c\] = Σ_i (∫ T j dt)_c · V\[i\]\[k\] · p_i.
 //!
 //! Cells whose `occupancy` maximum is zero are written as zeros. The work axis is the cells, x fastest.
+//!
+//! A pass takes some of the directions: the first writes its sums, and each other adds to what the ones before left.
+//!
+//! The loops of a pass of n directions turn at the most n (1 + s + K + E + P) + ⌈n / 64⌉ P + 3 (K + E) + 2 P times: s is
+//! the steps of the longest ray, K and E the coefficients of the record and of the emission's moments, and P, the parts
+//! of 64 values of the largest record, counts where [`Project::LANES`] = 64 invocations share a cell.
 
+use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::is_scalar;
+use crate::stage::grid::{is_scalar, most_steps};
 use crate::stage::{Kernel, PhaseParams, require};
 
 kernel_struct! {
@@ -53,8 +60,10 @@ kernel_struct! {
         phase: F32x4,
         /// Kind of the phase function.
         phase_kind: U32,
-        /// Directions.
-        directions: U32,
+        /// First direction of this pass.
+        direction_begin: U32,
+        /// One past the last direction of this pass.
+        direction_end: U32,
         /// Coefficients of a record.
         coefficients: U32,
         /// Distinct extinction channels: 1 or 3.
@@ -65,8 +74,6 @@ kernel_struct! {
         emission_coefficients: U32,
         /// 1 to weigh each direction by the phase function toward the eye.
         toward_eye: U32,
-        /// Unused.
-        unused: U32,
     }
 }
 
@@ -99,6 +106,47 @@ impl ProjectParams {
     /// Channels of a record: RGB where either transmittance or weights have colour.
     pub fn record_channels(&self) -> u32 {
         self.channels.max(self.weight_channels)
+    }
+}
+
+impl Project {
+    /// Invocations that share a cell on a device where several do.
+    pub const LANES: u32 = 64;
+    /// Parts of as many values as there are lanes, of the largest record with its emission's moments.
+    const PARTS: u64 = (6 * SphericalHarmonics::DEVICE_BANDS.pow(2)).div_ceil(Self::LANES) as u64;
+
+    /// How often loops turn, at the most.
+    fn turns(&self) -> Turns {
+        let p = &self.params;
+        let (record, emission) = (u64::from(p.coefficients), u64::from(p.emission_coefficients));
+        let steps = most_steps(p.dims, [p.index_x, p.index_y, p.index_z], p.cell[3]);
+        Turns {
+            direction: steps.saturating_add(1 + record + emission + Self::PARTS),
+            batch: Self::PARTS,
+            cell: 3 * (record + emission) + 2 * Self::PARTS,
+        }
+    }
+}
+
+/// How often loops turn, at the most.
+#[derive(Clone, Copy, Debug)]
+struct Turns {
+    /// For each direction.
+    direction: u64,
+    /// For each batch of as many directions as there are lanes, and for a rest of fewer.
+    batch: u64,
+    /// For a cell beside its directions.
+    cell: u64,
+}
+
+impl Turns {
+    /// The most directions that keep to `turns`: whole batches, or a part of one.
+    fn directions(self, turns: u64) -> u64 {
+        let (lanes, left) = (u64::from(Project::LANES), turns.saturating_sub(self.cell));
+        match left / self.direction.saturating_mul(lanes).saturating_add(self.batch) {
+            0 => left.saturating_sub(self.batch) / self.direction,
+            batches => batches.saturating_mul(lanes),
+        }
     }
 }
 
@@ -145,8 +193,9 @@ impl Kernel for Project {
         require!(p.cell.iter().all(|c| c.is_finite() && *c > 0.0), "cells and step {:?}", p.cell);
         require!(self.occupancy.is_none_or(|b| b.len >= cells), "occupancy of fewer than {cells} cells");
         require!([1, 3].contains(&p.channels) && [1, 3].contains(&p.weight_channels), "channels must be 1 or 3");
-        let (n, k) = (u64::from(p.directions), u64::from(p.coefficients));
-        require!(n > 0 && k > 0, "{n} directions and {k} coefficients");
+        let (n, k) = (u64::from(p.direction_end), u64::from(p.coefficients));
+        require!(p.direction_begin < p.direction_end, "directions {} to {n}", p.direction_begin);
+        require!(k > 0, "records of no coefficients");
         require!(self.directions.len >= n, "{} directions for {n}", self.directions.len);
         require!(self.weights.len >= n * k * u64::from(p.weight_channels), "{} weights", self.weights.len);
         require!(self.records.len >= cells * k * u64::from(p.record_channels()), "{} record values", self.records.len);
@@ -163,7 +212,74 @@ impl Kernel for Project {
         Ok(())
     }
 
-    fn passes(&self, _: u64) -> Result<Vec<Self>, String> {
-        Ok(vec![self.clone()])
+    fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
+        let each = self.turns();
+        let most = each.directions(turns).min(u32::MAX.into()) as u32;
+        require!(
+            most > 0,
+            "one direction of a record takes up to {} turns of loops, and {turns} are allowed: a longer step or a \
+             smaller medium need less",
+            each.direction.saturating_add(each.batch).saturating_add(each.cell)
+        );
+        let (begin, end) = (self.params.direction_begin, self.params.direction_end);
+        let pass = |from: u32| {
+            let mut pass = self.clone();
+            (pass.params.direction_begin, pass.params.direction_end) = (from, from.saturating_add(most).min(end));
+            pass
+        };
+        Ok((begin..end).step_by(most as usize).map(pass).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{FieldSpec, ResourceId};
+    use bytemuck::Zeroable;
+
+    /// 200 directions of up to 5 steps: the box's diagonal is 1.5 m.
+    fn project() -> Project {
+        let mut params = ProjectParams::zeroed();
+        params.dims = [10, 10, 5, 0];
+        (params.index_x, params.index_y) = ([10.0, 0.0, 0.0, 0.0], [0.0, 10.0, 0.0, 0.0]);
+        params.index_z = [0.0, 0.0, 10.0, 0.0];
+        (params.cells, params.cell) = ([2, 3, 1, 0], [5.0, 3.4, 5.0, 0.5]);
+        (params.direction_end, params.coefficients, params.channels, params.weight_channels) = (200, 4, 1, 1);
+        let spec = FieldSpec { dims: [10, 10, 5], layers: 1, format: FieldFormat::Scalar };
+        Project {
+            params,
+            density: Field { id: ResourceId(0), spec },
+            emission: None,
+            occupancy: None,
+            directions: Buf::new(ResourceId(1), 200),
+            weights: Buf::new(ResourceId(2), 800),
+            emission_weights: None,
+            phase_table: None,
+            records: Buf::new(ResourceId(3), 24),
+            emission_records: None,
+        }
+    }
+
+    #[test]
+    fn passes_take_every_direction_once_and_keep_to_their_turns() {
+        let project = project();
+        let Turns { direction, batch, cell } = project.turns();
+        assert_eq!(direction, 5 + 1 + 4 + Project::PARTS);
+        for turns in [cell + batch + direction, 500, 2000, 10_000, u64::MAX] {
+            let mut next = 0;
+            for pass in project.passes(turns).unwrap() {
+                assert_eq!(pass.validate(), Ok(()));
+                let (begin, end) = (pass.params.direction_begin, pass.params.direction_end);
+                assert_eq!(begin, next);
+                let n = end - begin;
+                let taken = u64::from(n) * direction + u64::from(n.div_ceil(Project::LANES)) * batch + cell;
+                assert!(taken <= turns, "{turns} turns: {n} directions take {taken}");
+                next = end;
+            }
+            assert_eq!(next, 200, "{turns} turns");
+        }
+        assert_eq!(project.passes(u64::MAX).unwrap().len(), 1);
+        let error = project.passes(cell + batch + direction - 1).unwrap_err();
+        assert!(error.contains("one direction"), "{error}");
     }
 }

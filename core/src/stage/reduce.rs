@@ -10,6 +10,12 @@
 //!   Delalandre, Gautron and Marvie (2013, section 4.2), which may miss density.
 //!
 //! The work axis is the coarse cells, x fastest.
+//!
+//! Voxels and probes of a cell are gone through in rows along x, and rows along y, then z. A pass takes some of the rows:
+//! the first writes sum and maximum, each other adds to what the ones before left, and the last divides the sum.
+//!
+//! Loops turn at the most once for each of a pass's rows and each of a row's voxels or probes, for the mean and for the
+//! maximum of each field.
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
@@ -25,6 +31,21 @@ kernel_struct! {
         coarse: U32x4,
         /// Voxels of a coarse cell along x, y, z; margin of the maximum in cells.
         cell: F32x4,
+        /// First row of a cell in this pass.
+        row_begin: U32,
+        /// One past the last row of a cell in this pass; [`Reduce::ALL_ROWS`] in the last one.
+        row_end: U32,
+        /// Unused.
+        unused_0: U32,
+        /// Unused.
+        unused_1: U32,
+    }
+}
+
+impl ReduceParams {
+    /// Of the whole stage; see the fields.
+    pub fn new(dims: [u32; 4], coarse: [u32; 4], cell: [f32; 4]) -> Self {
+        Self { dims, coarse, cell, row_begin: 0, row_end: Reduce::ALL_ROWS, unused_0: 0, unused_1: 0 }
     }
 }
 
@@ -44,6 +65,36 @@ pub struct Reduce {
 impl Reduce {
     /// Voxels by which the maximum looks further than exact arithmetic would need to.
     pub const SLACK: f32 = 1.0 / 64.0;
+    /// `row_end` of the last pass.
+    pub const ALL_ROWS: u32 = u32::MAX;
+
+    /// The most voxels or probes of a cell along an axis.
+    fn most(&self, axis: usize) -> u64 {
+        let p = &self.params;
+        match p.coarse[3] {
+            // One more on each side where a cell's wall cuts a voxel, and one more that a lookup touches. Casting
+            // saturates.
+            0 => {
+                let side = p.cell[axis] * (1.0 + 2.0 * p.cell[3]) + 2.0 * Self::SLACK;
+                (f64::from(side).ceil() as u64).saturating_add(4).min(p.dims[axis].into())
+            }
+            probes => {
+                let voxels = (f64::from(p.cell[axis]).ceil() as u64).saturating_add(2).min(p.dims[axis].into());
+                voxels.max(probes.into())
+            }
+        }
+    }
+
+    /// The most rows of a cell.
+    fn rows(&self) -> u64 {
+        self.most(1).saturating_mul(self.most(2))
+    }
+
+    /// How often loops turn for a row, at the most: the row and its voxels or probes, for the mean and each maximum.
+    fn turns(&self) -> u64 {
+        let fields = if self.other.is_some() { 3 } else { 2 };
+        fields * (1 + self.most(0))
+    }
 }
 
 impl Kernel for Reduce {
@@ -79,10 +130,76 @@ impl Kernel for Reduce {
         require!(u64::from(self.axis()) <= self.out.len, "{} cells into {} places", self.axis(), self.out.len);
         require!(p.cell[..3].iter().all(|c| c.is_finite() && *c > 0.0), "coarse cells of {:?} voxels", p.cell);
         require!(p.cell[3].is_finite() && p.cell[3] >= 0.0, "a margin of {} cells", p.cell[3]);
+        require!(p.row_begin < p.row_end, "rows {} to {}", p.row_begin, p.row_end);
+        // Kernels count rows and probes with 32 bits.
+        require!(self.rows() < Self::ALL_ROWS.into(), "cells of {} rows", self.rows());
         Ok(())
     }
 
-    fn passes(&self, _: u64) -> Result<Vec<Self>, String> {
-        Ok(vec![self.clone()])
+    fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
+        let (each, rows) = (self.turns(), self.rows());
+        let most = turns / each;
+        require!(
+            most > 0,
+            "one row of a coarse cell takes up to {each} turns of loops, and {turns} are allowed: smaller cells or \
+             fewer probes need less"
+        );
+        let begins = (0..rows).step_by(usize::try_from(most).unwrap_or(usize::MAX));
+        let pass = |begin: u64| {
+            let end = begin.saturating_add(most);
+            let mut pass = self.clone();
+            // `validate` keeps rows below `ALL_ROWS`.
+            (pass.params.row_begin, pass.params.row_end) =
+                (begin as u32, if end >= rows { Self::ALL_ROWS } else { end as u32 });
+            pass
+        };
+        Ok(begins.map(pass).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{FieldSpec, ResourceId};
+
+    fn reduce(probes: u32) -> Reduce {
+        let spec = FieldSpec { dims: [30, 20, 40], layers: 1, format: FieldFormat::Scalar };
+        Reduce {
+            params: ReduceParams::new([30, 20, 40, 0], [3, 2, 4, probes], [10.0, 10.0, 10.0, 0.5]),
+            density: Field { id: ResourceId(0), spec },
+            other: None,
+            out: Buf::new(ResourceId(1), 24),
+        }
+    }
+
+    #[test]
+    fn passes_take_every_row_once_and_keep_to_their_turns() {
+        for probes in [0, 1, 15] {
+            let reduce = reduce(probes);
+            for turns in [reduce.turns(), 1000, 3001, u64::MAX] {
+                let passes = reduce.passes(turns).unwrap();
+                let mut next = 0;
+                for pass in &passes {
+                    assert_eq!(pass.validate(), Ok(()));
+                    let (begin, end) = (pass.params.row_begin, pass.params.row_end);
+                    assert_eq!(begin, next);
+                    let rows = reduce.rows().min(end.into()) - u64::from(begin);
+                    assert!(rows * reduce.turns() <= turns, "{turns} turns: {rows} rows");
+                    next = end;
+                }
+                assert_eq!(next, Reduce::ALL_ROWS, "{turns} turns");
+            }
+            let error = reduce.passes(reduce.turns() - 1).unwrap_err();
+            assert!(error.contains("one row"), "{error}");
+        }
+    }
+
+    #[test]
+    fn rows_hold_every_voxel_that_a_cell_touches() {
+        // Ten voxels, five on each side, and those that the slack and the lookups between voxels add.
+        assert_eq!(reduce(0).most(0), 25);
+        // Never more than there are.
+        assert_eq!(reduce(0).most(1), 20);
+        assert_eq!((reduce(15).most(0), reduce(1).most(0)), (15, 12));
     }
 }

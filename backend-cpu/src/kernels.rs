@@ -1,0 +1,14 @@
+//! The kernels: one file a stage, and the helpers they share. Every backend has files of the same names, which hold
+//! functions of the same names in the same order.
+
+pub(crate) mod angle;
+pub(crate) mod field;
+pub(crate) mod harmonics;
+pub(crate) mod march;
+pub(crate) mod maximum;
+pub(crate) mod phase;
+pub(crate) mod project;
+pub(crate) mod reduce;
+pub(crate) mod relight;
+pub(crate) mod sample;
+pub(crate) mod segment;

@@ -1,0 +1,157 @@
+//! The benchmarks in a few seconds: medians of a few runs in place of criterion's statistics.
+
+use std::time::{Duration, Instant};
+
+use airlight::Renderer;
+use airlight::device::Device;
+
+use crate::{Frame, Rig, STAGES, View, density, lattice, scene};
+
+type Fault = Box<dyn std::error::Error>;
+
+/// What was measured, and how long a run takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timing {
+    /// The name among criterion's groups, such as `stage/march`. `prepare/compile` is of this run alone: what the first
+    /// run of each stage on a fresh device takes beyond a later one, added up.
+    pub name: String,
+    /// Median of the runs.
+    pub median: Duration,
+    /// The fastest run.
+    pub fastest: Duration,
+    /// The slowest run.
+    pub slowest: Duration,
+    /// Number of runs.
+    pub runs: usize,
+    /// What a run works through: how many, and of what, in the plural.
+    pub elements: Option<(u64, &'static str)>,
+}
+
+impl Timing {
+    /// Elements a second.
+    pub fn rate(&self) -> Option<f64> {
+        self.elements.map(|(n, _)| n as f64 / self.median.as_secs_f64())
+    }
+
+    fn new(name: impl Into<String>, mut runs: Vec<Duration>, elements: Option<(u64, &'static str)>) -> Self {
+        runs.sort();
+        let (fastest, slowest) = (runs[0], runs[runs.len() - 1]);
+        Self { name: name.into(), median: runs[runs.len() / 2], fastest, slowest, runs: runs.len(), elements }
+    }
+}
+
+/// The names that [`measure`] gives, in its order.
+pub fn names() -> Vec<String> {
+    let stages = STAGES.iter().map(|stage| format!("stage/{stage}"));
+    let frames = Frame::ALL.iter().map(|frame| format!("frame/{}", frame.name()));
+    let first = [OPEN, UPLOAD].map(str::to_owned).into_iter().chain(stages);
+    first.chain([COMPILE, FIRST_FRAME].map(str::to_owned)).chain(frames).collect()
+}
+
+const OPEN: &str = "prepare/open";
+const UPLOAD: &str = "prepare/upload";
+const COMPILE: &str = "prepare/compile";
+const FIRST_FRAME: &str = "prepare/first-frame";
+
+/// Runs are repeated until they have taken this long together,
+const ENOUGH: Duration = Duration::from_millis(200);
+/// but at least so often that one slow run does not move the median,
+const FEWEST: usize = 3;
+/// unless that takes this long,
+const TOO_LONG: Duration = Duration::from_secs(1);
+/// and at most this often.
+const MOST: usize = 15;
+
+/// Measures a device that `open` opens anew, and gives each timing to `tell` as soon as it is there.
+///
+/// # Errors
+/// The device cannot be opened, or a fault of it; nothing more is measured then.
+pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl FnMut(Timing)) -> Result<(), Fault> {
+    // Loads the driver, which the process keeps.
+    let device = open()?;
+    tell(Timing::new(OPEN, repeat(|| Ok(()), |()| open())?, None));
+
+    let mut rig = Rig::new(device)?;
+    let values = density();
+    let runs = repeat(|| Ok(()), |()| Ok(rig.upload(&values)?))?;
+    tell(Timing::new(UPLOAD, runs, Some((lattice().voxels(), "voxels"))));
+
+    let view = View::new(256, 192);
+    let mut compiling = Duration::ZERO;
+    for name in STAGES {
+        let (stage, elements, unit) = rig.stage(name, &view)?;
+        let begin = Instant::now();
+        rig.run(&stage)?;
+        let first = begin.elapsed();
+        let runs = repeat(|| Ok(()), |()| Ok(rig.run(&stage)?))?;
+        let timing = Timing::new(format!("stage/{name}"), runs, Some((elements, unit)));
+        compiling += first.saturating_sub(timing.median);
+        tell(timing);
+    }
+    drop(rig);
+    tell(Timing::new(COMPILE, vec![compiling], None));
+
+    let still = scene(Frame::RecordsStatic);
+    let camera = &still.camera;
+    let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
+    let render = |mut renderer: Renderer| {
+        renderer.render(&still)?;
+        Ok(renderer)
+    };
+    tell(Timing::new(FIRST_FRAME, repeat(|| Ok(Renderer::new(open()?)), render)?, pixels));
+    for frame in Frame::ALL {
+        // The first frame, which this renders, warms up.
+        let mut next = frame.start(open()?)?;
+        tell(Timing::new(format!("frame/{}", frame.name()), repeat(|| Ok(()), |()| Ok(next()?))?, pixels));
+    }
+    Ok(())
+}
+
+/// The times of `run`, without what `prepare` takes before it and what dropping its result takes after.
+fn repeat<P, R>(
+    prepare: impl Fn() -> Result<P, Fault>,
+    mut run: impl FnMut(P) -> Result<R, Fault>,
+) -> Result<Vec<Duration>, Fault> {
+    let (mut runs, mut total) = (Vec::new(), Duration::ZERO);
+    while runs.len() < MOST && (total < ENOUGH || runs.len() < FEWEST && total < TOO_LONG) {
+        let input = prepare()?;
+        let begin = Instant::now();
+        let result = run(input)?;
+        let time = begin.elapsed();
+        drop(result);
+        runs.push(time);
+        total += time;
+    }
+    Ok(runs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_measured_is_what_is_named() {
+        let mut timings = Vec::new();
+        measure(|| Ok(airlight::open("cpu")?), |timing| timings.push(timing)).unwrap();
+        assert_eq!(timings.iter().map(|t| t.name.clone()).collect::<Vec<_>>(), names());
+        for t in &timings {
+            assert!(t.fastest <= t.median && t.median <= t.slowest, "{t:?}");
+            assert!((1..=MOST).contains(&t.runs), "{t:?}");
+            assert_eq!(t.elements.is_none(), [OPEN, COMPILE].contains(&t.name.as_str()), "{t:?}");
+        }
+    }
+
+    #[test]
+    fn a_median_is_the_run_in_the_middle_and_elements_are_per_second() {
+        let runs = [4, 1, 2, 9, 3].map(Duration::from_millis).to_vec();
+        let timing = Timing::new("a", runs, Some((6000, "cells")));
+        assert_eq!([timing.fastest, timing.median, timing.slowest], [1, 3, 9].map(Duration::from_millis));
+        // Two numbers of f64, of which one is a thousandth's rounding.
+        assert!((timing.rate().unwrap() - 2e6).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_device_that_cannot_be_opened_is_an_error() {
+        assert!(measure(|| Err("it is gone".into()), |_| panic!("there is nothing to tell")).is_err());
+    }
+}

@@ -1,0 +1,210 @@
+//! `airlight bench`
+
+use std::time::Duration;
+
+use airlight::device::DeviceInfo;
+use airlight_benches::quick::{self, Timing};
+use serde_json::{Value, json};
+
+use crate::failure::Failure;
+use crate::progress::Meter;
+use crate::{Done, devices, output};
+
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// auto, a backend (cpu), an index (cpu:0) or part of a device's name. May repeat; without it, every device that
+    /// there is. Ratios are to the first.
+    #[arg(long, value_name = "ID")]
+    device: Vec<String>,
+    /// Repeat the papers' own measurements. Not built yet.
+    #[arg(long)]
+    papers: bool,
+    /// Print JSON (see docs/json.md).
+    #[arg(long)]
+    json: bool,
+}
+
+/// A device and what was measured on it, up to a fault.
+struct Measured {
+    info: DeviceInfo,
+    timings: Vec<Timing>,
+    fault: Option<String>,
+}
+
+impl Measured {
+    fn timing(&self, name: &str) -> Option<&Timing> {
+        self.timings.iter().find(|timing| timing.name == name)
+    }
+}
+
+pub(crate) fn run(options: &Options) -> Done {
+    if options.papers {
+        return Err(Failure::input("--papers: the papers' own measurements are not built yet; leave it out"));
+    }
+    let mut absent = Vec::new();
+    let subjects = subjects(&options.device, &mut absent)?;
+    let measured: Vec<_> = subjects.into_iter().map(measure).collect();
+    if options.json {
+        output::json(&report(&measured, &absent))?;
+    } else {
+        table(&measured).iter().try_for_each(|line| output::line(line))?;
+    }
+    let faults: Vec<_> =
+        measured.iter().filter_map(|m| Some(format!("{}: {}", m.info.id(), m.fault.as_ref()?))).collect();
+    if faults.is_empty() { Ok(()) } else { Err(Failure::running(faults.join("; "))) }
+}
+
+/// The devices that were asked for, or all. Backends without one are said and listed in `absent`.
+fn subjects(choices: &[String], absent: &mut Vec<Value>) -> Result<Vec<DeviceInfo>, Failure> {
+    let mut subjects: Vec<DeviceInfo> = Vec::new();
+    for choice in choices {
+        let airlight::Chosen { device, passed_over } = airlight::choose(choice)?;
+        passed_over.iter().for_each(|line| output::remark(&format!("warning: {line}")));
+        // Two choices may mean the same device.
+        if subjects.iter().all(|info| info.id() != device.info().id()) {
+            subjects.push(device.info().clone());
+        }
+    }
+    if choices.is_empty() {
+        for backend in airlight::devices() {
+            match backend.devices {
+                Ok(devices) => subjects.extend(devices),
+                Err(reason) => {
+                    output::remark(&format!("{} has no device: {reason}", backend.name));
+                    absent.push(json!({ "backend": backend.name, "reason": reason.to_string() }));
+                }
+            }
+        }
+        // The processor, which every machine has, is what the others are compared with.
+        subjects.sort_by_key(|info| info.backend != "cpu");
+    }
+    Ok(subjects)
+}
+
+fn measure(info: DeviceInfo) -> Measured {
+    let (id, count) = (info.id(), quick::names().len());
+    let mut meter = Meter::new();
+    let mut timings = Vec::new();
+    let measured = quick::measure(
+        || Ok(airlight::open(&id)?),
+        |timing| {
+            timings.push(timing);
+            meter.show(&format!("bench {id}"), timings.len() as f32 / count as f32);
+        },
+    );
+    Measured { info, timings, fault: measured.err().map(|fault| fault.to_string()) }
+}
+
+/// How many times as long as on the first device.
+fn ratio(timing: &Timing, first: &Measured) -> Option<f64> {
+    let first = first.timing(&timing.name)?.median.as_secs_f64();
+    (first > 0.0).then(|| timing.median.as_secs_f64() / first)
+}
+
+/// Characters of the columns: names with units, a time with its rate, a ratio.
+const NAMES: usize = 40;
+const TIME: usize = 18;
+const RATIO: usize = 8;
+
+fn table(measured: &[Measured]) -> Vec<String> {
+    let mut lines: Vec<_> = measured.iter().map(|m| format!("{:<10} {}", m.info.id(), m.info.name)).collect();
+    let Some(first) = measured.first() else { return lines };
+    lines.push(String::new());
+    let width = |n: usize| if n == 0 { TIME } else { TIME + RATIO };
+    let row = |name: &str, cells: Vec<String>| {
+        let cells: String = cells.iter().enumerate().map(|(n, cell)| format!("{cell:>0$}", width(n))).collect();
+        format!("{name:<NAMES$}{cells}").trim_end().to_owned()
+    };
+    lines.push(row("", measured.iter().map(|m| m.info.id()).collect()));
+    for name in quick::names() {
+        let unit = measured.iter().find_map(|m| m.timing(&name)?.elements).map(|(_, unit)| format!(" ({unit})"));
+        let cell = |(n, m): (usize, &Measured)| {
+            m.timing(&name).map_or("failed".into(), |timing| cell(timing, (n > 0).then_some(first)))
+        };
+        lines.push(row(&(name.clone() + &unit.unwrap_or_default()), measured.iter().enumerate().map(cell).collect()));
+    }
+    lines.push(String::new());
+    lines.push("Medians of a few runs; elements a second; × as long as on the first device.".into());
+    lines
+}
+
+fn cell(timing: &Timing, first: Option<&Measured>) -> String {
+    let rate = timing.rate().map_or(String::new(), |rate| format!("{}/s", scaled(rate)));
+    let ratio = first.map_or(String::new(), |first| {
+        let ratio = ratio(timing, first).map_or(String::new(), |r| format!("{} ×", figures(r)));
+        format!("{ratio:>RATIO$}")
+    });
+    format!("{:>8} {rate:>8}{ratio}", time(timing.median))
+}
+
+/// A time in three figures.
+fn time(time: Duration) -> String {
+    let seconds = time.as_secs_f64();
+    let (scale, unit) = match seconds {
+        s if s >= 0.9995 => (1.0, "s"),
+        s if s >= 0.9995e-3 => (1e3, "ms"),
+        _ => (1e6, "µs"),
+    };
+    format!("{} {unit}", figures(seconds * scale))
+}
+
+/// A large number in three figures and a prefix.
+fn scaled(v: f64) -> String {
+    let (scale, prefix) = match v {
+        v if v >= 0.9995e9 => (1e-9, "G"),
+        v if v >= 0.9995e6 => (1e-6, "M"),
+        v if v >= 0.9995e3 => (1e-3, "k"),
+        _ => (1.0, ""),
+    };
+    format!("{}{prefix}", figures(v * scale))
+}
+
+/// Three figures where there are fewer than three before the point.
+fn figures(v: f64) -> String {
+    let digits = if v >= 99.95 {
+        0
+    } else if v >= 9.995 {
+        1
+    } else {
+        2
+    };
+    format!("{v:.digits$}")
+}
+
+fn report(measured: &[Measured], absent: &[Value]) -> Value {
+    let entry = |timing: &Timing| {
+        json!({
+            "name": timing.name,
+            "seconds": timing.median.as_secs_f64(),
+            "fastest": timing.fastest.as_secs_f64(),
+            "slowest": timing.slowest.as_secs_f64(),
+            "runs": timing.runs,
+            "elements": timing.elements.map(|(n, _)| n),
+            "unit": timing.elements.map(|(_, unit)| unit),
+            "per_second": timing.rate(),
+            "ratio": measured.first().and_then(|first| ratio(timing, first)),
+        })
+    };
+    let device = |m: &Measured| {
+        let entries: Vec<_> = m.timings.iter().map(entry).collect();
+        json!({ "device": devices::device(&m.info), "entries": entries, "fault": m.fault })
+    };
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "devices": measured.iter().map(device).collect::<Vec<_>>(),
+        "absent": absent,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_figures() {
+        let micros = |n| time(Duration::from_micros(n));
+        assert_eq!([micros(7), micros(999), micros(1000), micros(12_345)], ["7.00 µs", "999 µs", "1.00 ms", "12.3 ms"]);
+        assert_eq!([micros(999_900), micros(123_456_000)], ["1.00 s", "123 s"]);
+        assert_eq!([scaled(367.4e6), scaled(999.0), scaled(1234.0), scaled(3.1e9)], ["367M", "999", "1.23k", "3.10G"]);
+    }
+}

@@ -1,0 +1,104 @@
+//! The same program on a machine that has neither Vulkan nor OpenCL.
+
+#![cfg(all(target_os = "linux", target_env = "gnu", feature = "opencl", feature = "wgpu"))]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::workbench::{Ended, Workbench};
+
+/// These runs take some hundredths of a second. What would wait for a platform waits for ten.
+const LITTLE_TIME: Duration = Duration::from_secs(5);
+
+const VULKAN: &str = "libvulkan.so.1 not found";
+const OPENCL: &str = "libOpenCL.so.1 not found";
+
+/// The example `hide`, which `cargo test` builds, but not for a choice of tests alone.
+fn hide() -> PathBuf {
+    let file = Path::new(env!("CARGO_BIN_EXE_airlight")).with_file_name("examples").join("libhide.so");
+    assert!(file.exists(), "{} is missing; `cargo test` without a choice of tests builds it", file.display());
+    file
+}
+
+/// The program with `arguments`, which finds neither library.
+fn bare(bench: &Workbench, arguments: &[&str]) -> Command {
+    let mut command = bench.command(arguments);
+    command.env("LD_AUDIT", hide()).env_remove("AIRLIGHT_OPENCL_LIBRARY");
+    command
+}
+
+fn run(bench: &Workbench, arguments: &[&str]) -> Ended {
+    let begin = Instant::now();
+    let ended = bench.end(bare(bench, arguments));
+    assert!(begin.elapsed() < LITTLE_TIME, "{:?}: {ended:?}", begin.elapsed());
+    ended
+}
+
+#[test]
+fn devices_says_why_each_backend_has_none() {
+    let bench = Workbench::new();
+    let ended = run(&bench, &["devices"]);
+    ended.well();
+    assert_eq!(ended.stderr, "");
+    let line = |start: &str| ended.stdout.lines().find(|line| line.starts_with(start)).unwrap_or_default();
+    assert!(line("wgpu: none: ").contains(VULKAN), "{ended:?}");
+    assert!(line("opencl: none: ").contains(OPENCL), "{ended:?}");
+    assert!(line("cpu:0 ").len() > "cpu:0 ".len(), "{ended:?}");
+
+    let ended = run(&bench, &["devices", "--json"]);
+    ended.well();
+    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let backend = |name: &str| told["backends"].as_array().unwrap().iter().find(|b| b["backend"] == name).unwrap();
+    for (name, reason) in [("wgpu", VULKAN), ("opencl", OPENCL)] {
+        let backend = backend(name);
+        assert_eq!(backend["devices"], Value::Array(Vec::new()));
+        assert!(backend["reason"].as_str().unwrap().contains(reason), "{backend:#}");
+    }
+    assert_eq!(backend("cpu")["devices"][0]["id"], "cpu:0");
+}
+
+#[test]
+fn scenes_are_rendered_on_the_processor() {
+    let bench = Workbench::new();
+    let scene = bench.path("fog.toml");
+    let scene = scene.to_str().unwrap();
+    for (device, output) in [("auto", "auto.exr"), ("cpu", "cpu.exr")] {
+        let ended = run(&bench, &["render", scene, "--device", device, "-o", output]);
+        ended.well();
+        assert!(ended.stdout.contains(" cpu:0 "), "{ended:?}");
+        assert_eq!(ended.stderr, "", "a machine without a graphics card is no reason for a warning");
+    }
+    assert_eq!(bench.outputs(), ["auto.exr", "cpu.exr"]);
+    let compared = bench.json(["compare", "auto.exr", "cpu.exr", "--json"]);
+    assert_eq!(compared["max_abs"], 0.0);
+}
+
+#[test]
+fn a_backend_that_is_asked_for_is_one_clear_error() {
+    let bench = Workbench::new();
+    let scene = bench.path("fog.toml");
+    let scene = scene.to_str().unwrap();
+    for (device, reason) in [("wgpu", VULKAN), ("opencl", OPENCL), ("wgpu:0", VULKAN), ("opencl:1", OPENCL)] {
+        let ended = run(&bench, &["render", scene, "--device", device, "-o", "a.exr"]);
+        ended.failed(2, &[&format!("no device \"{device}\": {reason}")]);
+        assert_eq!(ended.stderr.lines().count(), 1, "{ended:?}");
+    }
+    assert_eq!(bench.outputs(), Vec::<String>::new());
+}
+
+#[test]
+fn bench_says_what_is_absent_and_measures_the_processor() {
+    let bench = Workbench::new();
+    let ended = bench.end(bare(&bench, &["bench", "--json"]));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(told["devices"].as_array().unwrap().len(), 1);
+    assert_eq!(told["devices"][0]["device"]["id"], "cpu:0");
+    for (n, reason) in [VULKAN, OPENCL].iter().enumerate() {
+        assert!(told["absent"][n]["reason"].as_str().unwrap().contains(reason), "{told:#}");
+        assert!(ended.stderr.lines().nth(n).unwrap_or_default().contains(reason), "{ended:?}");
+    }
+}

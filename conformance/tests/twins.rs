@@ -1,0 +1,163 @@
+//! The kernels of all backends are twins: files of the same names, which hold functions of the same names in the same
+//! order. Needs no device.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use airlight::device::Helper;
+use airlight::stage::Stage;
+
+/// A backend's kernels: its folder, the ending of its files, and functions that it alone has or lacks.
+struct Backend {
+    folder: &'static str,
+    ending: &'static str,
+    /// File, function and why the other languages have none.
+    own: &'static [(&'static str, &'static str, &'static str)],
+    /// File, function and why this language has none.
+    lacks: &'static [(&'static str, &'static str, &'static str)],
+}
+
+const MEMORY: &str =
+    "finds the stage's memory and spreads the range over cores; generated, or done by the driver, elsewhere";
+const CHECKED: &str = "checks a slice once, so that lookups need not";
+const LANES: &str = "carries between memory and the lanes of packets";
+const SLICE: &str = "a slice is handed to the helper instead";
+
+const CPU: Backend = Backend {
+    folder: "backend-cpu/src/kernels",
+    ending: "rs",
+    own: &[
+        ("reduce", "run", MEMORY),
+        ("project", "run", MEMORY),
+        ("relight", "run", MEMORY),
+        ("march", "run", MEMORY),
+        ("march", "load", LANES),
+        ("march", "store", LANES),
+        ("march", "block", LANES),
+        ("sample", "new", CHECKED),
+        ("field", "new", CHECKED),
+        ("field", "size", "the size goes with the field"),
+        ("field", "texel", "generated elsewhere"),
+        ("field", "gather", "generated elsewhere, as texel"),
+        ("field", "place", "the place of a lookup serves all layers"),
+        ("field", "layer", "the place of a lookup serves all layers"),
+        ("field", "mix", "colors are no packets; elsewhere an operator"),
+    ],
+    lacks: &[
+        ("phase", "phase_value", SLICE),
+        ("phase", "phase_size", SLICE),
+        ("harmonics", "harmonics_value", SLICE),
+        ("march", "phase_value", SLICE),
+        ("march", "phase_size", SLICE),
+        ("march", "harmonics_value", SLICE),
+        ("march", "blocks", "an Option says whether there are any"),
+        ("project", "phase_value", SLICE),
+        ("project", "phase_size", SLICE),
+    ],
+};
+
+const WGPU: Backend = Backend { folder: "backend-wgpu/kernels", ending: "wgsl", own: &[], lacks: &[] };
+
+const OPENCL: Backend = Backend { folder: "backend-opencl/kernels", ending: "cl", own: &[], lacks: &[] };
+
+const BACKENDS: [Backend; 3] = [CPU, WGPU, OPENCL];
+
+impl Backend {
+    fn path(&self) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(self.folder)
+    }
+
+    /// Names of the files, without their ending.
+    fn files(&self) -> BTreeSet<String> {
+        let entries = fs::read_dir(self.path()).unwrap_or_else(|error| panic!("{}: {error}", self.folder));
+        let name = |entry: std::io::Result<fs::DirEntry>| {
+            let path = entry.unwrap().path();
+            assert_eq!(path.extension().and_then(|e| e.to_str()), Some(self.ending), "{}", path.display());
+            path.file_stem().unwrap().to_str().unwrap().to_owned()
+        };
+        entries.map(name).collect()
+    }
+
+    /// The functions of a file that the other languages have too, in order.
+    fn functions(&self, file: &str) -> Vec<String> {
+        let path = self.path().join(format!("{file}.{}", self.ending));
+        let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let mut functions = declared(self.ending, &text);
+        for (_, own, _) in self.own.iter().filter(|(of, ..)| *of == file) {
+            assert!(functions.iter().any(|name| name == own), "{} lost its own {own}", path.display());
+            functions.retain(|name| name != own);
+        }
+        functions
+    }
+}
+
+/// The functions that a text defines, in order; one that stands for several types or fields counts where it is first.
+fn declared(ending: &str, text: &str) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for line in text.lines() {
+        // Rust's tests are no kernels.
+        if line.starts_with("#[cfg(test)]") {
+            break;
+        }
+        let name = match ending {
+            "cl" => c_function(line),
+            _ => line.split_once("fn ").filter(|(before, _)| before.trim().is_empty() || before.contains("pub")),
+        };
+        let Some((_, name)) = name else { continue };
+        let name: String = name.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').collect();
+        // Helpers that stand once for each field; and in OpenCL C, the function that the generated entry point runs.
+        let name = name.strip_suffix("_FIELD").unwrap_or(&name);
+        let name = if ending == "cl" { name.strip_prefix("run_").unwrap_or(name) } else { name };
+        if !name.is_empty() && !found.iter().any(|known| known == name) {
+            found.push(name.to_owned());
+        }
+    }
+    found
+}
+
+/// The type and the rest of a line `TYPE name(…) {`, which begins at its left edge.
+fn c_function(line: &str) -> Option<(&str, &str)> {
+    let (before, _) = line.split_once('(')?;
+    let (kind, _) = before.split_once(' ')?;
+    let is_type = kind.chars().all(|c| c.is_ascii_alphanumeric()) && !before.ends_with(' ');
+    (is_type && !line.ends_with(';')).then(|| line.split_at(kind.len() + 1))
+}
+
+#[test]
+fn every_stage_and_every_helper_has_a_file_in_every_language_and_no_other_has() {
+    let names = Stage::NAMES.into_iter().chain(Helper::ALL.map(Helper::name));
+    let expected: BTreeSet<String> = names.map(str::to_owned).collect();
+    for backend in &BACKENDS {
+        assert_eq!(backend.files(), expected, "{}", backend.folder);
+    }
+}
+
+#[test]
+fn files_hold_the_same_functions_in_the_same_order() {
+    let mut all = 0;
+    for file in WGPU.files() {
+        let whole = WGPU.functions(&file);
+        all += whole.len();
+        for backend in &BACKENDS {
+            let mut expected = whole.clone();
+            for (_, lacks, _) in backend.lacks.iter().filter(|(of, ..)| *of == file) {
+                expected.retain(|name| name != lacks);
+            }
+            assert_eq!(backend.functions(&file), expected, "{}/{file}.{}", backend.folder, backend.ending);
+        }
+    }
+    // A scanner that finds nothing would find nothing wrong.
+    assert!(all > 40, "{all} functions");
+}
+
+#[test]
+fn functions_are_found_in_each_language() {
+    let wgsl = "// fn no(\nfn one_FIELD(a: f32) {\n    let b = two(a);\n}\n@compute @workgroup_size(64)\nfn three(\n";
+    assert_eq!(declared("wgsl", wgsl), ["one", "three"]);
+    let cl = "float later(const Bound *bound);\nfloat one_FIELD(float a) {\n    float b = two(a);\n    if (b) {\n}\n\
+              void run_three(const Bound *bound) {\n// Words (in brackets)\n#define FOUR(a) a\n";
+    assert_eq!(declared("cl", cl), ["one", "three"]);
+    let rs = "//! A fn no(\nimpl A {\n    pub(crate) fn one(&self) {\n    fn one(\nfn three<'a>(f: fn (u32)) {\n#[cfg(test)]\nfn no(\n";
+    assert_eq!(declared("rs", rs), ["one", "three"]);
+}

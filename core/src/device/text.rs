@@ -1,0 +1,330 @@
+//! The text of kernels in languages that have neither includes nor generic functions. A kernel's text is put together
+//! from what is generated from Rust (structs, constants, what a stage binds), helpers that stand once for each field,
+//! helpers that kernels share, and the kernel's own file. What goes into it is said here once for every language; a
+//! backend brings its files and how its language declares what a stage binds.
+
+use super::{Binding, BindingAccess, KernelElement, KernelStruct};
+use crate::basis::SphericalHarmonics;
+use crate::stage::{
+    LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, Reduce, ReduceParams, RelightParams, Stage,
+    shadow_kind,
+};
+
+/// A language of kernels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KernelLanguage {
+    /// WGSL.
+    Wgsl,
+    /// OpenCL C.
+    Opencl,
+}
+
+impl KernelLanguage {
+    /// A number that kernels know by name.
+    pub fn integer(self, name: &str, value: u32) -> String {
+        match self {
+            Self::Wgsl => format!("const {name}: u32 = {value}u;\n"),
+            Self::Opencl => format!("#define {name} {value}u\n"),
+        }
+    }
+
+    /// A float that kernels know by name.
+    pub fn float(self, name: &str, value: f32) -> String {
+        match self {
+            Self::Wgsl => format!("const {name}: f32 = {value:?};\n"),
+            Self::Opencl => format!("#define {name} {value:?}f\n"),
+        }
+    }
+
+    /// A truth that kernels know by name.
+    pub fn truth(self, name: &str, value: bool) -> String {
+        match self {
+            Self::Wgsl => format!("const {name}: bool = {value};\n"),
+            Self::Opencl => format!("#define {name} {}\n", u8::from(value)),
+        }
+    }
+}
+
+/// A file of a backend's `kernels/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KernelFile {
+    /// Its name within the folder.
+    pub name: &'static str,
+    /// What it holds.
+    pub text: &'static str,
+}
+
+/// A file of helpers that kernels share. A backend matches it without a catch-all arm, so that a new one does not
+/// compile until the backend has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Helper {
+    /// Lookups of a field.
+    Field,
+    /// The maximum of a field over a coarse cell.
+    Maximum,
+    /// Rays through the box of the medium.
+    Sample,
+    /// Angles.
+    Angle,
+    /// Phase functions.
+    Phase,
+    /// Spherical harmonics of a direction.
+    Harmonics,
+    /// Light along a short piece of a ray.
+    Segment,
+}
+
+impl Helper {
+    /// Every helper.
+    pub const ALL: [Self; 7] =
+        [Self::Field, Self::Maximum, Self::Sample, Self::Angle, Self::Phase, Self::Harmonics, Self::Segment];
+
+    /// Name of its file, without the language's ending.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Field => "field",
+            Self::Maximum => "maximum",
+            Self::Sample => "sample",
+            Self::Angle => "angle",
+            Self::Phase => "phase",
+            Self::Harmonics => "harmonics",
+            Self::Segment => "segment",
+        }
+    }
+}
+
+/// What the text of a stage's kernel is put together from, beside its own file.
+#[derive(Clone, Copy, Debug)]
+pub struct Recipe {
+    /// Name of the struct of parameters.
+    pub params: &'static str,
+    /// Text of the structs.
+    pub structs: &'static [fn(KernelLanguage) -> String],
+    /// Helpers that stand once for each field of the stage.
+    pub per_field: &'static [Helper],
+    /// Helpers that stand once, each behind those that it uses.
+    pub helpers: &'static [Helper],
+}
+
+const REDUCE: Recipe = Recipe {
+    params: ReduceParams::NAME,
+    structs: &[ReduceParams::text],
+    per_field: &[Helper::Field, Helper::Maximum],
+    helpers: &[],
+};
+
+const PROJECT: Recipe = Recipe {
+    params: ProjectParams::NAME,
+    structs: &[ProjectParams::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Segment],
+};
+
+const RELIGHT: Recipe =
+    Recipe { params: RelightParams::NAME, structs: &[RelightParams::text], per_field: &[], helpers: &[] };
+
+const MARCH: Recipe = Recipe {
+    params: MarchParams::NAME,
+    structs: &[MarchParams::text, LightRecord::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Segment],
+};
+
+impl Recipe {
+    /// Of a stage's kernel.
+    pub fn of(stage: &Stage) -> Self {
+        match stage {
+            Stage::Reduce(_) => REDUCE,
+            Stage::Project(_) => PROJECT,
+            Stage::Relight(_) => RELIGHT,
+            Stage::March(_) => MARCH,
+        }
+    }
+
+    /// What is generated alike in every language: the structs, the constants that kernels share with Rust, and
+    /// `has_NAME` for each binding.
+    pub fn prelude(&self, language: KernelLanguage, shapes: &[Shape]) -> String {
+        let mut out: String = self.structs.iter().map(|text| text(language)).collect();
+        for (name, value) in [
+            ("PHASE_HENYEY_GREENSTEIN", PhaseParams::HENYEY_GREENSTEIN),
+            ("PHASE_RAYLEIGH", PhaseParams::RAYLEIGH),
+            ("PHASE_TABLE", PhaseParams::TABLE),
+            ("SHADOW_MARCH", shadow_kind::MARCH),
+            ("BLOCK", March::BLOCK),
+            ("ALL_STEPS", March::ALL_STEPS),
+            ("ALL_ROWS", Reduce::ALL_ROWS),
+            ("LANES", Project::LANES),
+            ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
+        ] {
+            out += &language.integer(name, value);
+        }
+        out += &language.float("REDUCE_SLACK", Reduce::SLACK);
+        for shape in shapes {
+            out += &language.truth(&format!("has_{}", shape.name), shape.present);
+        }
+        out
+    }
+}
+
+/// What a kernel's text depends on beyond its files, one for each binding of the stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Shape {
+    /// Name in the kernels.
+    pub name: &'static str,
+    /// How it is bound.
+    pub kind: ShapeKind,
+    /// What a buffer's element or a field's texel is.
+    pub element: KernelElement,
+    /// Whether the stage runs with it.
+    pub present: bool,
+}
+
+/// How a resource is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ShapeKind {
+    /// A buffer that is read.
+    Read,
+    /// A buffer that is written.
+    Write,
+    /// A field.
+    Field {
+        /// Slabs that it is held in.
+        slabs: u32,
+        /// Whether it has more layers than one.
+        layered: bool,
+    },
+}
+
+impl Shape {
+    /// Of a binding whose field, if it is one, is held in so many slabs.
+    pub fn new(binding: &Binding, slabs: u32) -> Self {
+        let kind = match binding.access {
+            BindingAccess::Sample(spec) => ShapeKind::Field { slabs, layered: spec.layers > 1 },
+            BindingAccess::Read(_) => ShapeKind::Read,
+            BindingAccess::Write(_) => ShapeKind::Write,
+        };
+        Self { name: binding.name, kind, element: binding.element, present: binding.id.is_some() }
+    }
+}
+
+/// A kernel's whole text, which knows the files that its lines come from.
+#[derive(Clone, Debug, Default)]
+pub struct KernelText {
+    /// The text.
+    pub whole: String,
+    /// First line of each part (from 1), and its file.
+    parts: Vec<(usize, &'static str)>,
+}
+
+impl KernelText {
+    /// The text of a stage's kernel: `prelude`, the helpers, and the kernel's own file. In helpers that stand once for
+    /// each field, `FIELD` is the field's name and `VALUE` the type of its texels. OpenCL C gets a `#line` directive
+    /// before each file, so that its compiler names the files itself.
+    pub fn new(
+        language: KernelLanguage,
+        prelude: &str,
+        recipe: &Recipe,
+        shapes: &[Shape],
+        helper: impl Fn(Helper) -> KernelFile,
+        kernel: KernelFile,
+    ) -> Self {
+        let mut text = Self::default();
+        let mut push = |name: &'static str, part: &str| {
+            if language == KernelLanguage::Opencl {
+                text.whole += &format!("#line 1 \"kernels/{name}\"\n");
+            }
+            text.push(name, part);
+        };
+        push("generated", prelude);
+        for file in recipe.per_field.iter().map(|&of| helper(of)) {
+            for field in shapes.iter().filter(|shape| matches!(shape.kind, ShapeKind::Field { .. })) {
+                push(file.name, &file.text.replace("FIELD", field.name).replace("VALUE", field.element.name(language)));
+            }
+        }
+        for file in recipe.helpers.iter().map(|&of| helper(of)).chain([kernel]) {
+            push(file.name, file.text);
+        }
+        text
+    }
+
+    /// Adds the text of a file of `kernels/`.
+    pub fn push(&mut self, name: &'static str, text: &str) {
+        self.parts.push((self.whole.lines().count() + 1, name));
+        self.whole.push_str(text);
+        if !text.ends_with('\n') {
+            self.whole.push('\n');
+        }
+    }
+
+    /// File and line of line `line` (from 1) of the whole.
+    pub fn place(&self, line: usize) -> (&'static str, usize) {
+        let part = self.parts.iter().rev().find(|(first, _)| *first <= line);
+        part.map_or(("generated", line), |(first, name)| (name, line - first + 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::examples;
+
+    fn file(helper: Helper) -> KernelFile {
+        let text = if helper == Helper::Field { "VALUE of_FIELD;\nsecond\n" } else { "helper" };
+        KernelFile { name: helper.name(), text }
+    }
+
+    const KERNEL: KernelFile = KernelFile { name: "kernel", text: "first\nlast\n" };
+
+    fn text(language: KernelLanguage, stage: &Stage) -> KernelText {
+        let shapes: Vec<_> = stage.bindings().iter().map(|binding| Shape::new(binding, 1)).collect();
+        let recipe = Recipe::of(stage);
+        KernelText::new(language, &recipe.prelude(language, &shapes), &recipe, &shapes, file, KERNEL)
+    }
+
+    #[test]
+    fn helpers_stand_once_or_once_for_each_field() {
+        for (language, scalar, color) in
+            [(KernelLanguage::Wgsl, "f32", "vec4<f32>"), (KernelLanguage::Opencl, "float", "float4")]
+        {
+            let text = text(language, &examples(true)[3]);
+            for line in [
+                format!("{scalar} of_density;"),
+                format!("{scalar} of_emission_density;"),
+                format!("{color} of_in_scatter;"),
+            ] {
+                assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
+            }
+            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 5);
+            assert!(text.whole.ends_with("first\nlast\n"));
+        }
+    }
+
+    #[test]
+    fn lines_are_counted_from_the_start_of_each_file() {
+        for language in [KernelLanguage::Wgsl, KernelLanguage::Opencl] {
+            let text = text(language, &examples(true)[1]);
+            let line = |what: &str| text.whole.lines().position(|line| line == what).unwrap() + 1;
+            assert_eq!(text.place(line("first")), ("kernel", 1));
+            assert_eq!(text.place(line("last")), ("kernel", 2));
+            assert_eq!(text.place(line("second")), ("field", 2));
+            // The prelude begins with the first struct.
+            let start = line(ProjectParams::text(language).lines().next().unwrap());
+            assert_eq!(text.place(start), ("generated", 1));
+            assert_eq!(text.place(start + 5), ("generated", 6));
+        }
+    }
+
+    #[test]
+    fn constants_are_written_as_each_language_reads_them() {
+        let shapes = [Shape::new(&examples(false)[0].bindings()[1], 1)];
+        let wgsl = Recipe::of(&examples(false)[0]).prelude(KernelLanguage::Wgsl, &shapes);
+        for line in ["const BLOCK: u32 = 8u;", "const REDUCE_SLACK: f32 = 0.015625;", "const has_other: bool = false;"]
+        {
+            assert!(wgsl.lines().any(|at| at == line), "{line}\n{wgsl}");
+        }
+        let opencl = Recipe::of(&examples(false)[0]).prelude(KernelLanguage::Opencl, &shapes);
+        for line in ["#define BLOCK 8u", "#define REDUCE_SLACK 0.015625f", "#define has_other 0"] {
+            assert!(opencl.lines().any(|at| at == line), "{line}\n{opencl}");
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Stages on handles that no device holds.
+
+use bytemuck::Zeroable;
+
+use super::{March, Project, Reduce, Relight, Stage};
+use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
+
+/// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
+/// runs with. No device holds its handles and its parameters are zeros: it shows what kernels bind, so that a backend
+/// can check that its kernels build.
+pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
+    let field = |id, format| Field { id: ResourceId(id), spec: FieldSpec { dims: [3, 4, 5], layers: 1, format } };
+    let scalar = |id| field(id, FieldFormat::Scalar);
+    fn buf<T>(id: u32) -> Buf<T> {
+        Buf::new(ResourceId(id), 1)
+    }
+    [
+        Stage::Reduce(Reduce {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            other: full.then(|| scalar(1)),
+            out: buf(2),
+        }),
+        Stage::Project(Project {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            emission: full.then(|| scalar(1)),
+            occupancy: full.then(|| buf(2)),
+            directions: buf(3),
+            weights: buf(4),
+            emission_weights: full.then(|| buf(5)),
+            phase_table: full.then(|| buf(6)),
+            records: buf(7),
+            emission_records: full.then(|| buf(8)),
+        }),
+        Stage::Relight(Relight {
+            params: Zeroable::zeroed(),
+            records: buf(0),
+            emission_records: full.then(|| buf(1)),
+            light: buf(2),
+            out: buf(3),
+        }),
+        Stage::March(March {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            emission: full.then(|| scalar(1)),
+            in_scatter: full.then(|| field(2, FieldFormat::Rgba)),
+            occupancy: full.then(|| buf(3)),
+            lights: full.then(|| buf(4)),
+            tables: buf(5),
+            environment: full.then(|| buf(6)),
+            surface: full.then(|| buf(7)),
+            paths: full.then(|| buf(8)),
+            film: buf(9),
+        }),
+    ]
+}
