@@ -4,8 +4,7 @@
 
 use std::fmt::Write as _;
 
-use airlight_core::basis::SphericalHarmonics;
-use airlight_core::device::{DeviceError, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
+use airlight_core::device::{Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
 use airlight_core::kernel_struct;
 use airlight_core::stage::{March, Stage};
 
@@ -68,26 +67,6 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::March(_) => (file!("march.cl"), March::BLOCK * March::BLOCK),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
-}
-
-/// The most values of spherical harmonics that a kernel holds.
-const MAX_HARMONICS: u32 = SphericalHarmonics::DEVICE_BANDS.pow(2);
-
-/// Whether a kernel's private memory holds what the stage needs there.
-///
-/// # Errors
-/// Too many layers of in-scattered radiance.
-pub(crate) fn check(stage: &Stage) -> Result<(), DeviceError> {
-    match stage {
-        Stage::March(March { params, in_scatter: Some(_), .. }) if params.cells[3] > MAX_HARMONICS => {
-            Err(DeviceError::Limit {
-                what: "the layers of in-scattered radiance",
-                requested: params.cells[3].into(),
-                limit: MAX_HARMONICS.into(),
-            })
-        }
-        Stage::Reduce(_) | Stage::Project(_) | Stage::Relight(_) | Stage::March(_) => Ok(()),
-    }
 }
 
 /// The most slabs of a field: each is an argument of its kernels.
