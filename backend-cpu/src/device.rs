@@ -7,10 +7,11 @@ use std::time::Instant;
 use airlight_core::device::{
     Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, Limits, ResourceId, ResourceSpec, StageTime,
 };
+use airlight_core::host;
 use airlight_core::stage::Stage;
 use bytemuck::Pod;
 
-use crate::{Isa, kernels, memory};
+use crate::{Isa, kernels};
 
 /// The processor's cores as a device.
 pub struct CpuDevice {
@@ -59,11 +60,11 @@ impl CpuDevice {
 
     fn of(isa: Isa) -> Self {
         let cores = rayon::current_num_threads();
-        let memory_bytes = memory::physical();
+        let memory_bytes = host::memory();
         let info = DeviceInfo {
             backend: "cpu",
             index: 0,
-            name: memory::processor(),
+            name: processor(),
             kind: DeviceKind::Cpu,
             memory_bytes,
             limits: Limits {
@@ -75,6 +76,7 @@ impl CpuDevice {
             },
             features: vec![format!("{cores} threads"), isa.name().to_owned()],
             filter_bits: 24,
+            unusable: None,
         };
         Self { info, isa, resources: HashMap::new(), times: Vec::new() }
     }
@@ -94,7 +96,7 @@ impl Device for CpuDevice {
     }
 
     fn free_memory(&self) -> Option<u64> {
-        memory::free()
+        host::free_memory()
     }
 
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
@@ -112,9 +114,9 @@ impl Device for CpuDevice {
         if requested > limit {
             return Err(DeviceError::Limit { what: "a resource", requested, limit });
         }
-        let missing = || DeviceError::OutOfMemory { requested, available: memory::free() };
+        let missing = || DeviceError::OutOfMemory { requested, available: host::free_memory() };
         // A system may promise memory that is not there, and end the process that fills it with zeros.
-        if requested > LARGE && memory::free().is_some_and(|free| requested > free) {
+        if requested > LARGE && host::free_memory().is_some_and(|free| requested > free) {
             return Err(missing());
         }
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
@@ -229,4 +231,10 @@ impl<'d> Readable<'d> {
         }
         Ok(bytemuck::cast_slice(resource.bytes()))
     }
+}
+/// The processor's name, where the system says.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
+    name.map_or_else(|| format!("{} processor", std::env::consts::ARCH), |name| name.trim().to_owned())
 }

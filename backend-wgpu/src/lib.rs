@@ -8,6 +8,7 @@ mod adapter;
 mod clock;
 mod cut;
 mod device;
+pub mod engine;
 mod gpu;
 mod launch;
 mod loader;
@@ -15,8 +16,10 @@ mod memory;
 mod pipeline;
 mod source;
 mod store;
+mod vulkan;
 
 pub use device::WgpuDevice;
+pub use wgpu;
 
 use airlight_core::device::Provider;
 

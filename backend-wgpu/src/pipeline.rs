@@ -67,6 +67,19 @@ impl Pipeline {
         Self::build(gpu, "publish", text, [vec![source], vec![entry(0, slab)]])
     }
 
+    /// Builds a kernel that reads or writes one buffer and some textures, all as `group` 2 has them.
+    pub(crate) fn of_engine(
+        gpu: &Gpu,
+        name: &str,
+        text: &Text,
+        read_only: bool,
+        textures: &[BindingType],
+    ) -> Result<Self, DeviceError> {
+        let textures = (0..).zip(textures).map(|(binding, ty)| entry(binding, *ty)).collect();
+        let memory = entry(0, buffer(BufferBindingType::Storage { read_only }));
+        Self::build(gpu, name, text, [vec![memory], textures])
+    }
+
     fn build(
         gpu: &Gpu,
         name: &str,

@@ -111,7 +111,7 @@ pub(crate) fn slab_binding(index: usize, slab: u32) -> u32 {
 }
 
 /// The parameters, and where the dispatch stands.
-fn uniforms(params: &str) -> String {
+pub(crate) fn uniforms(params: &str) -> String {
     Launch::text(WGSL)
         + &format!("@group(0) @binding(0) var<uniform> params: {params};\n")
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
@@ -168,4 +168,4 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -46,7 +46,7 @@ fn text(info: &DeviceInfo) -> String {
         Bytes(info.limits.buffer_bytes),
         info.limits.field_side,
         info.features.join(", "),
-    )
+    ) + &info.unusable.as_ref().map(|reason| format!("\n           cannot be opened: {reason}")).unwrap_or_default()
 }
 
 /// A device as JSON.
@@ -63,5 +63,6 @@ pub(crate) fn device(info: &DeviceInfo) -> Value {
         },
         "features": info.features,
         "filter_bits": info.filter_bits,
+        "unusable": info.unusable,
     })
 }

@@ -62,6 +62,7 @@ pub fn scene() -> Result<Scene, Failed> {
         medium: parts()?.medium,
         optics: Optics { albedo: Vec3::new(0.98, 0.9, 0.75), ..Optics::grey(16.0, 1.0) },
         environment: None,
+        background: None,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality { step: 0.5 },

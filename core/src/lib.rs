@@ -11,6 +11,7 @@ pub mod basis;
 pub mod device;
 pub mod estimator;
 pub mod exec;
+pub mod host;
 pub mod light;
 pub mod media;
 pub mod metric;

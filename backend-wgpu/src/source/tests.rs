@@ -11,7 +11,7 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
 }
 
 /// Reads and validates a kernel; faults name their file and line.
-fn module(text: &Text) -> Result<naga::Module, String> {
+pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
         let line = error.location(&text.whole).map_or(0, |at| at.line_number as usize);
         format!("{:?}: {}", text.place(line), error.message())
@@ -90,6 +90,53 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 }
 
 #[test]
+fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
+    let limits = crate::adapter::required_limits();
+    let mut texts: Vec<_> = examples(true).iter().map(|stage| of(stage).text(&shapes(stage, 1))).collect();
+    texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(publish_text));
+    texts.extend(crate::engine::kernels());
+    let mut most = [0; 6];
+    for text in texts {
+        let module = module(&text).unwrap_or_else(|error| panic!("{error}"));
+        let mut needs = [0; 6];
+        for (_, global) in module.global_variables.iter() {
+            let kind = match (global.space, &module.types[global.ty].inner) {
+                (AddressSpace::Uniform, _) => 0,
+                (AddressSpace::Storage { .. }, _) => 1,
+                (_, naga::TypeInner::Image { class: naga::ImageClass::Storage { .. }, .. }) => 3,
+                (_, naga::TypeInner::Image { .. }) => 2,
+                (AddressSpace::WorkGroup, _) => {
+                    let mut layouter = naga::proc::Layouter::default();
+                    layouter.update(module.to_ctx()).unwrap();
+                    needs[4] += layouter[global.ty].size.next_multiple_of(16);
+                    continue;
+                }
+                _ => continue,
+            };
+            needs[kind] += 1;
+            let binding = global.binding.expect("a resource");
+            assert!(binding.group < limits.max_bind_groups);
+            needs[5] = needs[5].max(binding.binding + 1);
+        }
+        for (most, need) in most.iter_mut().zip(needs) {
+            *most = need.max(*most);
+        }
+        let [x, y, z] = module.entry_points[0].workgroup_size;
+        assert!(x <= limits.max_compute_workgroup_size_x && y <= limits.max_compute_workgroup_size_y);
+        assert!(z == 1 && x * y <= limits.max_compute_invocations_per_workgroup);
+    }
+    let asked = [
+        limits.max_uniform_buffers_per_shader_stage,
+        limits.max_storage_buffers_per_shader_stage,
+        limits.max_sampled_textures_per_shader_stage,
+        limits.max_storage_textures_per_shader_stage,
+        limits.max_compute_workgroup_storage_size,
+    ];
+    assert_eq!(most[..5], asked, "what is asked for is what is needed");
+    assert!(most[5] <= limits.max_bindings_per_bind_group, "{most:?}");
+}
+
+#[test]
 fn structs_lie_in_wgsl_as_in_rust() {
     fn check<T: KernelStruct>() {
         let text = format!("{}@group(0) @binding(0) var<uniform> value: {};\n", T::text(WGSL), T::NAME);
@@ -109,6 +156,8 @@ fn structs_lie_in_wgsl_as_in_rust() {
     check::<LightRecord>();
     check::<Launch>();
     check::<PublishParams>();
+    check::<crate::engine::ImportParams>();
+    check::<crate::engine::ExportParams>();
 }
 
 #[test]

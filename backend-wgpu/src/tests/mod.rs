@@ -1,6 +1,7 @@
 //! What must run on a device. Without an adapter the tests say that they were skipped, or fail where `AIRLIGHT_REQUIRE`
 //! names `wgpu`.
 
+mod engine;
 mod trouble;
 
 use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};

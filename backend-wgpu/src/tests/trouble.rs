@@ -1,6 +1,8 @@
 //! Faults: what was asked for wrongly, and what goes wrong by itself.
 
-use airlight_core::device::{Device, DeviceError, ResourceId, ResourceSpec, Usage};
+use std::time::{Duration, Instant};
+
+use airlight_core::device::{Device, DeviceError, DeviceKind, ResourceId, ResourceSpec, Usage};
 use airlight_core::stage::Stage;
 
 use super::{device, empty};
@@ -85,6 +87,51 @@ fn a_machine_without_drivers_is_an_answer() {
         .unwrap();
     let said = String::from_utf8_lossy(&child.stdout);
     assert!(child.status.success() && said.contains("1 passed"), "{said}");
+}
+
+#[test]
+fn a_dispatch_that_takes_too_long_is_given_up_and_the_device_with_it() {
+    let Some(mut device) = device() else { return };
+    let records = vec![1.0f32; 1 << 22];
+    let stage = Stage::Relight(super::relight(&mut device, &records));
+    device.dispatch(&stage, 0..1).unwrap();
+    device.finish().unwrap();
+    let patience = Duration::from_micros(1);
+    device.set_patience(Some(patience));
+    // Some time of work, of which nobody waits for the end.
+    for _ in 0..40 {
+        device.dispatch(&stage, 0..1 << 22).unwrap();
+    }
+    let begin = Instant::now();
+    assert_eq!(device.finish().unwrap_err(), DeviceError::Timeout { stage: "relight", patience });
+    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
+    device.set_patience(None);
+    let lost = DeviceError::Lost("relight took longer than the 1µs that it was given".into());
+    assert_eq!(device.finish().unwrap_err(), lost);
+    assert_eq!(device.read(ResourceId(2), 0, &mut [0; 4]).unwrap_err(), lost);
+    drop(device);
+    // Another one is not harmed.
+    if let Some(mut other) = super::device() {
+        let stage = super::relight(&mut other, &records[..100]);
+        other.dispatch(&Stage::Relight(stage.clone()), 0..100).unwrap();
+        assert_eq!(super::content(&mut other, stage.out)[99], [2.0, 4.0, 8.0, 0.0]);
+    }
+}
+
+#[test]
+fn memory_is_told_where_the_driver_tells_it() {
+    let Some(device) = device() else { return };
+    let stated = crate::vulkan::of_device(&device.gpu.device);
+    let software = device.info().kind == DeviceKind::SoftwareGpu;
+    assert_eq!(device.info().memory_bytes, if software { airlight_core::host::memory() } else { stated.memory });
+    if device.info().features.iter().any(|feature| feature == "vulkan") {
+        // Vulkan has every device state both.
+        assert!(stated.memory.is_some_and(|bytes| bytes > 1 << 28), "{stated:?}");
+        assert!(stated.weight_bits.is_some_and(|bits| (4..=24).contains(&bits)), "{stated:?}");
+    }
+    if let (Some(free), Some(all)) = (device.free_memory(), device.info().memory_bytes) {
+        assert!(free > 0 && free <= all, "{free} of {all}");
+    }
 }
 
 #[test]

@@ -38,5 +38,8 @@ fn the_document_shows_the_toy_as_it_is() {
     }
     // The document says how long the toy is.
     let length = fs::read_to_string(toy.join("src/lib.rs")).expect("the toy").lines().count();
-    assert!(document.contains(&format!("{length} lines")), "the toy has {length} lines, which the document does not say");
+    assert!(
+        document.contains(&format!("{length} lines")),
+        "the toy has {length} lines, which the document does not say"
+    );
 }

@@ -144,4 +144,8 @@ impl Device for Faulty {
         }
         Ok(times)
     }
+
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.inner.flush()
+    }
 }

@@ -11,6 +11,7 @@ mod resource;
 mod slabs;
 mod text;
 
+use std::any::Any;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -29,7 +30,7 @@ use crate::stage::Stage;
 ///
 /// Calls are in order: a stage sees all that was written and dispatched before it. `dispatch` may return before the
 /// work is done; `read` and `finish` wait. After [`DeviceError::Lost`] every call fails with it.
-pub trait Device: Send {
+pub trait Device: Any + Send {
     /// What the device is and can do.
     fn info(&self) -> &DeviceInfo;
 
@@ -78,6 +79,15 @@ pub trait Device: Send {
     /// A fault of the work so far.
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError>;
 
+    /// Sends all work on its way without waiting for it, and forgets the times of the dispatches since the last call of
+    /// this or of [`Device::finish`]. Faults may surface in a later call. By default it waits.
+    ///
+    /// # Errors
+    /// A fault of the work so far.
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.finish().map(drop)
+    }
+
     /// How long the device may let its caller wait for one dispatch; none for as long as it takes. When a call has
     /// waited longer, it fails with [`DeviceError::Timeout`], and where the work could not be stopped, the device is
     /// lost: its queue cannot be trusted any more. A device that works within `dispatch` cannot give up, has no use for
@@ -92,6 +102,13 @@ pub trait Device: Send {
     fn narrow(&mut self, limits: &Limits) -> bool {
         let _ = limits;
         false
+    }
+}
+
+impl dyn Device {
+    /// The device itself, where it is a `D`: what a backend offers beyond this trait.
+    pub fn downcast_mut<D: Device>(&mut self) -> Option<&mut D> {
+        (self as &mut dyn Any).downcast_mut()
     }
 }
 
@@ -183,6 +200,8 @@ pub struct DeviceInfo {
     pub features: Vec<String>,
     /// Bits of a filter weight between two texels of a field; 24 is a filter in 32-bit floats.
     pub filter_bits: u32,
+    /// Why it is there and cannot be opened.
+    pub unusable: Option<String>,
 }
 
 impl DeviceInfo {

@@ -15,4 +15,4 @@ pub use error::{ExecError, RenderError};
 pub use executor::{Executor, Hooks, Progress, Report, StageRun};
 pub use key::Key;
 pub use plan::{Plan, State};
-pub use renderer::{Rendered, Renderer};
+pub use renderer::{OnDevice, Rendered, Renderer, Surface};

@@ -131,14 +131,26 @@ impl<'a> Plan<'a> {
         content: &impl Hash,
         make: impl FnOnce() -> Vec<T> + 'a,
     ) -> Buf<T> {
-        let buf = self.buffer(slot, len, Usage::Input);
-        let fill: Fill<'a> = Box::new(move |device, id| {
+        self.external(slot, len, content, move |device, buf| {
             let data = make();
             if data.len() as u64 != len {
                 return Err(DeviceError::Invalid(format!("{} elements were made for {len}", data.len())));
             }
-            device.write(id, 0, bytemuck::cast_slice(&data))
-        });
+            device.write(buf.id, 0, bytemuck::cast_slice(&data))
+        })
+    }
+
+    /// A buffer of `len` elements that `fill` fills on the device by means of its own: by parts, or with what lies on
+    /// the device already. It is called when the content is needed, which depends on `content` alone.
+    pub fn external<T: Pod>(
+        &mut self,
+        slot: &str,
+        len: u64,
+        content: &impl Hash,
+        fill: impl FnOnce(&mut dyn Device, Buf<T>) -> Result<(), DeviceError> + 'a,
+    ) -> Buf<T> {
+        let buf = self.buffer(slot, len, Usage::Input);
+        let fill: Fill<'a> = Box::new(move |device, _| fill(device, buf));
         self.push_upload(buf.id, Key::of("upload", &(len, content)), fill);
         buf
     }

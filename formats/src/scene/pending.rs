@@ -83,14 +83,6 @@ pub(super) fn surfaces(root: &Table<'_>) -> Result<(), Fault> {
     first.map_or(Ok(()), |f| Err(f.pending("leave [[surface]] out")))
 }
 
-/// `[background]`.
-pub(super) fn background(root: &Table<'_>) -> Result<(), Fault> {
-    let Some(field) = root.asked("background") else { return Ok(()) };
-    let table = field.table(&["color", "depth"])?;
-    check(&table, &[("color", Shape::Text), ("depth", Shape::Text)])?;
-    Err(field.pending("leave [background] out; a visible [environment] stands behind the medium"))
-}
-
 /// `[animation]`, whose keys are not settled: an empty one alone asks for nothing.
 pub(super) fn animation(root: &Table<'_>) -> Result<(), Fault> {
     root.not_built("animation", "leave [animation] out; render a picture for each frame with --set")

@@ -48,9 +48,10 @@ fn info(backend: &'static str, index: usize, kind: DeviceKind, name: &str) -> De
         name: name.into(),
         kind,
         memory_bytes: None,
-        limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048 },
+        limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048, loop_turns: None },
         features: Vec::new(),
         filter_bits: 24,
+        unusable: None,
     }
 }
 

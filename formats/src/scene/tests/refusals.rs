@@ -103,10 +103,6 @@ fn what_the_scene_itself_refuses_has_a_line_too() {
 #[test]
 fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (text, expected) in [
-        (
-            "[background]\ncolor = \"a.exr\"",
-            "7:1: background is not built yet; leave [background] out; a visible [environment] stands behind the medium",
-        ),
         ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
         (
             "[[surface]]\nshape = \"plane\"\nmaterial = { diffuse = 0.7, specular = 0.04, shininess = 32 }",
