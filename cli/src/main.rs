@@ -1,10 +1,12 @@
-//! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures, measures
-//! devices.
+//! The program `airlight`: renders scenes, lists devices, tells what files hold, compares pictures, tries and
+//! measures devices.
 //!
-//! Exit codes: 0 well; 1 failed while running; 2 bad usage or bad input; 3 a comparison fell short.
+//! Exit codes: 0 well; 1 failed while running; 2 bad usage or bad input; 3 a comparison fell short, or a device did
+//! not pass the conformance suite.
 
 mod bench;
 mod compare;
+mod conformance;
 mod devices;
 mod failure;
 mod info;
@@ -37,6 +39,8 @@ enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Hold devices to the conformance suite.
+    Conformance(conformance::Options),
     /// Measure how fast each device is, in a few seconds.
     Bench(bench::Options),
 }
@@ -48,6 +52,7 @@ fn main() -> ExitCode {
         Command::Devices(options) => devices::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Conformance(options) => conformance::run(&options),
         Command::Bench(options) => bench::run(&options),
     };
     match done {

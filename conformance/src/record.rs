@@ -307,11 +307,16 @@ impl Record {
             n => format!("; {n} more scores are above their thresholds"),
         };
         let mismatches = self.mismatches.iter().find(|m| m.at == *at && m.name == *name);
-        let worst = mismatches
-            .and_then(|m| m.values.first())
-            .map_or(String::new(), |m| format!("; value {} is {} and should be {}", m.index, m.found, m.expected));
+        let worst = mismatches.and_then(|m| m.values.first()).map_or(String::new(), |m| {
+            format!("; value {} is {} and should be {}", m.index, short(m.found), short(m.expected))
+        });
         Some(format!("{name}{places}: {measure} {value:.3e}, at most {threshold:.1e}{worst}{more}"))
     }
+}
+
+/// A value rounded to nine digits, as many as tell any two f32 apart.
+pub(crate) fn short(value: f64) -> f64 {
+    format!("{value:.8e}").parse().unwrap_or(value)
 }
 
 /// The colour of a film's beauty.

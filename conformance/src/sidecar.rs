@@ -80,6 +80,15 @@ pub struct DeviceRecord {
     pub features: Vec<String>,
     /// Memory in bytes, where it is known.
     pub memory_bytes: Option<u64>,
+    /// Sizes it does not exceed.
+    pub limits: LimitsRecord,
+    /// Bits of a filter weight between two texels.
+    pub filter_bits: u32,
+}
+
+/// Sizes that a device does not exceed.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LimitsRecord {
     /// The largest buffer, bytes.
     pub buffer_bytes: u64,
     /// The largest part of a buffer that one stage sees at a time, bytes.
@@ -88,8 +97,6 @@ pub struct DeviceRecord {
     pub field_side: u32,
     /// How often the loops of one invocation of a kernel may turn together, where the driver bounds that.
     pub loop_turns: Option<u32>,
-    /// Bits of a filter weight between two texels.
-    pub filter_bits: u32,
 }
 
 impl From<&DeviceInfo> for DeviceRecord {
@@ -101,10 +108,12 @@ impl From<&DeviceInfo> for DeviceRecord {
             backend: info.backend.to_owned(),
             features: info.features.clone(),
             memory_bytes: info.memory_bytes,
-            buffer_bytes: info.limits.buffer_bytes,
-            binding_bytes: info.limits.binding_bytes,
-            field_side: info.limits.field_side,
-            loop_turns: info.limits.loop_turns,
+            limits: LimitsRecord {
+                buffer_bytes: info.limits.buffer_bytes,
+                binding_bytes: info.limits.binding_bytes,
+                field_side: info.limits.field_side,
+                loop_turns: info.limits.loop_turns,
+            },
             filter_bits: info.filter_bits,
         }
     }

@@ -102,3 +102,23 @@ fn bench_says_what_is_absent_and_measures_the_processor() {
         assert!(ended.stderr.lines().nth(n).unwrap_or_default().contains(reason), "{ended:?}");
     }
 }
+
+#[test]
+fn conformance_skips_aloud_what_is_absent() {
+    let bench = Workbench::new();
+    for devices in [&[][..], &["--device", "wgpu", "--device", "opencl", "--device", "cpu"]] {
+        let arguments = [&["conformance", "--filter", "device::info"], devices].concat();
+        let ended = run(&bench, &arguments);
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+        for (line, reason) in ended.stderr.lines().zip([VULKAN, OPENCL]) {
+            assert!(line.starts_with("skipped: ") && line.contains(reason), "{ended:?}");
+        }
+        assert_eq!(ended.stderr.lines().count(), 2, "{ended:?}");
+        assert!(ended.stdout.ends_with("1 passed, 0 failed, 0 skipped\n"), "{ended:?}");
+    }
+    run(&bench, &["conformance", "--require", "wgpu"]).failed(2, &["required", VULKAN]);
+    // A run that tried nothing has not passed.
+    let ended = run(&bench, &["conformance", "--device", "opencl"]);
+    assert_eq!((ended.code, &ended.stdout[..]), (Some(2), ""), "{ended:?}");
+    assert!(ended.stderr.contains(OPENCL) && ended.stderr.contains("no device to try"), "{ended:?}");
+}

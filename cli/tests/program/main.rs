@@ -5,6 +5,7 @@ mod absent;
 mod bench;
 mod cameras;
 mod compare;
+mod conformance;
 mod damage;
 mod limits;
 mod outputs;

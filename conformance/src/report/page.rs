@@ -1,11 +1,12 @@
 //! The page. Everything is text to [`html!`], which escapes it.
 
+use airlight::device::Bytes;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::picture::Shown;
 use super::{Results, shows};
 use crate::case::group_of;
-use crate::record::{Mismatches, Picture, Place, Score};
+use crate::record::{Mismatches, Picture, Place, Score, short};
 use crate::sidecar::{AxisRecord, DeviceRecord, Outcome, Sidecar, ToleranceRecord};
 
 /// Pictures are enlarged by whole numbers to about so many pixels.
@@ -106,8 +107,8 @@ fn devices(all: &Results) -> Markup {
                 td { (device.kind) }
                 td { (device.features.join(", ")) }
                 td.dim {
-                    "buffers " (device.buffer_bytes) " bytes, bindings " (device.binding_bytes) " bytes, fields "
-                    (device.field_side) " a side, filter " (device.filter_bits) " bits"
+                    "buffers " (Bytes(device.limits.buffer_bytes)) ", bindings " (Bytes(device.limits.binding_bytes)) ", fields "
+                    (device.limits.field_side) " a side, filter " (device.filter_bits) " bits"
                 }
                 td { (counts(all.of(i))) }
                 td.number { (format!("{:.1}", all.of(i).map(|r| r.seconds).sum::<f64>())) }
@@ -201,8 +202,8 @@ fn mismatches(set: &Mismatches) -> Markup {
             (head(&["index", "found", "expected", "difference"]))
             tbody { @for m in &set.values { tr {
                 td.number { (m.index) }
-                td.number { (m.found) }
-                td.number { (m.expected) }
+                td.number { (short(m.found)) }
+                td.number { (short(m.expected)) }
                 td.number { (format!("{:.3e}", m.found - m.expected)) }
             } } }
         }
@@ -233,7 +234,7 @@ fn scores(scores: &[Score]) -> Markup {
         @if !wrong.is_empty() { (table(&wrong)) }
         @if !right.is_empty() {
             details {
-                summary { (number(right.len(), "score", "scores")) " that hold" }
+                summary { (number(right.len(), "score that holds", "scores that hold")) }
                 (table(&right))
             }
         }
