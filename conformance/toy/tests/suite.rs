@@ -8,8 +8,10 @@ const SLOW: [&str; 4] = ["limits", "frames", "estimators", "pictures"];
 
 fn main() {
     let toy = Subject::new("toy", || airlight::open_among(&[airlight_toy::PROVIDER], "toy").map_err(|e| e.to_string()));
-    let (slow, quick): (Vec<_>, Vec<_>) = cases().into_iter().partition(|case| SLOW.contains(&case.group()));
-    let slow = trials(&toy, slow, None).into_iter().map(|trial| trial.with_ignored_flag(true));
-    let all: Vec<Trial> = trials(&toy, quick, None).into_iter().chain(slow).collect();
-    libtest_mimic::run(&Arguments::from_args(), all).exit();
+    let results = std::env::var_os("AIRLIGHT_RESULTS").map(std::path::PathBuf::from);
+    let all = cases().into_iter().flat_map(|case| {
+        let slow = SLOW.contains(&case.group());
+        trials(&toy, vec![case], results.as_deref()).into_iter().map(move |trial| trial.with_ignored_flag(slow))
+    });
+    libtest_mimic::run(&Arguments::from_args(), all.collect::<Vec<Trial>>()).exit();
 }
