@@ -31,7 +31,7 @@ const NUMBER: &str = "size_t number(void) {\n    return get_global_id(0);\n}\n";
 
 macro_rules! file {
     ($name:literal) => {
-        KernelFile { name: $name, text: include_str!(concat!("../kernels/", $name)) }
+        KernelFile { name: concat!("kernels/", $name), text: include_str!(concat!("../kernels/", $name)) }
     };
 }
 
@@ -95,7 +95,7 @@ impl Source {
     pub(crate) fn text(&self, shapes: &[Shape]) -> String {
         let prelude = self.prelude(shapes);
         let mut text = KernelText::new(OPENCL, &prelude, &self.recipe, shapes, helper, self.file);
-        text.push("generated", &format!("#line 1 \"kernels/generated\"\n{}", self.entry(shapes)));
+        text.push("generated", &format!("#line 1 \"generated\"\n{}", self.entry(shapes)));
         text.whole
     }
 

@@ -50,7 +50,7 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
     }
     let request = wgpu::DeviceDescriptor {
         label: Some("airlight"),
-        required_features: adapter.features() & Features::TIMESTAMP_QUERY,
+        required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_FILTERABLE),
         // All that there is: the defaults of WebGPU are far below what most adapters hold.
         required_limits: adapter.limits(),
         memory_hints: wgpu::MemoryHints::Performance,
@@ -67,10 +67,10 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
 pub(crate) fn required_limits() -> wgpu::Limits {
     wgpu::Limits {
         max_bind_groups: 3,
-        max_bindings_per_bind_group: 3 * MAX_SLABS,
+        max_bindings_per_bind_group: 7 * MAX_SLABS,
         max_uniform_buffers_per_shader_stage: 2,
         max_storage_buffers_per_shader_stage: 7,
-        max_sampled_textures_per_shader_stage: 3,
+        max_sampled_textures_per_shader_stage: 4,
         max_storage_textures_per_shader_stage: 2,
         max_compute_invocations_per_workgroup: 64,
         max_compute_workgroup_size_x: 64,
@@ -139,7 +139,7 @@ pub(crate) fn describe(
             loop_turns: (info.driver == "llvmpipe").then_some(65_535),
         },
         features,
-        // Kernels interpolate themselves: a texture unit's weights have 8 bits.
+        // Of kernels that interpolate themselves; the device that is made tells whether its texture units do.
         filter_bits: 24,
         unusable: None,
     }

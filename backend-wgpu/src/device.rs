@@ -10,11 +10,12 @@ use airlight_core::device::{
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
-use wgpu::QuerySet;
+use wgpu::{QuerySet, Sampler};
 
 use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
 use crate::engine::Engine;
+use crate::filter::{self, Filter};
 use crate::gpu::{Gpu, STAGING};
 use crate::launch::{Launches, Shot};
 use crate::memory::{Resource, texture_format};
@@ -34,15 +35,18 @@ pub struct WgpuDevice {
     pipelines: HashMap<(&'static str, Vec<Shape>), Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
     pub(crate) engine: Engine,
+    /// Where texture units interpolate.
+    pub(crate) sampler: Option<Sampler>,
     clock: Clock,
 }
 
 impl WgpuDevice {
     /// What `gpu` is, ready to work.
-    pub(crate) fn new(info: DeviceInfo, gpu: Gpu) -> Result<Self, DeviceError> {
+    pub(crate) fn new(mut info: DeviceInfo, gpu: Gpu) -> Result<Self, DeviceError> {
         let stamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
         let limits = gpu.device.limits();
+        let sampler = filter::sampler(&gpu, &mut info, Filter::default());
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -51,8 +55,15 @@ impl WgpuDevice {
             pipelines: HashMap::new(),
             publishers: HashMap::new(),
             engine: Engine::default(),
+            sampler,
             clock: Clock::new(tick),
         })
+    }
+
+    /// Chooses who interpolates; kernels of another choice are dropped.
+    pub(crate) fn set_filter(&mut self, filter: Filter) {
+        self.sampler = filter::sampler(&self.gpu, &mut self.info, filter);
+        self.pipelines.clear();
     }
 
     pub(crate) fn binding_limits(&self) -> BindingLimits {
@@ -66,7 +77,8 @@ impl WgpuDevice {
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let built = Pipeline::of_stage(&self.gpu, source.name, &source.text(&key.1), &key.1)?;
+        let text = source.text(&key.1, self.sampler.is_some());
+        let built = Pipeline::of_stage(&self.gpu, source.name, &text, &key.1, self.sampler.as_ref())?;
         Ok(Arc::clone(self.pipelines.entry(key).or_insert(Arc::new(built))))
     }
 

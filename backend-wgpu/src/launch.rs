@@ -104,7 +104,10 @@ impl Launches<'_> {
             .textures
             .iter()
             .map(|&(binding, view)| BindGroupEntry { binding, resource: BindingResource::TextureView(view) });
-        let entries = [buffers(&fixed), buffers(&bound.buffers), textures.collect()];
+        let sampler = pipeline.sampler.as_ref();
+        let sampler = sampler.map(|s| BindGroupEntry { binding: 2, resource: BindingResource::Sampler(s) });
+        let fixed = buffers(&fixed).into_iter().chain(sampler).collect();
+        let entries = [fixed, buffers(&bound.buffers), textures.collect()];
         let layouts = pipeline.layouts.iter().zip(&entries);
         let group = |(layout, entries): (_, &Vec<_>)| {
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries })

@@ -38,13 +38,20 @@ pub(crate) fn run(options: &Options) -> Done {
 
 fn text(info: &DeviceInfo) -> String {
     let memory = info.memory_bytes.map_or("unknown".into(), |n| Bytes(n).to_string());
+    let limits = &info.limits;
+    let mut bounds = format!("buffers to {}", Bytes(limits.buffer_bytes));
+    if limits.binding_bytes < limits.buffer_bytes {
+        bounds += &format!(", {} of them at a time", Bytes(limits.binding_bytes));
+    }
+    bounds += &format!(", fields to {} a side", limits.field_side);
+    if let Some(turns) = limits.loop_turns {
+        bounds += &format!(", loops to {turns} turns");
+    }
     format!(
-        "{:<10} {}\n           {}, memory {memory}, largest buffer {}, longest field side {}\n           {}",
+        "{:<10} {}\n           {}, memory {memory}, {bounds}\n           {}",
         info.id(),
         info.name,
         info.kind.as_str(),
-        Bytes(info.limits.buffer_bytes),
-        info.limits.field_side,
         info.features.join(", "),
     ) + &info.unusable.as_ref().map(|reason| format!("\n           cannot be opened: {reason}")).unwrap_or_default()
 }
@@ -60,6 +67,7 @@ pub(crate) fn device(info: &DeviceInfo) -> Value {
             "buffer_bytes": info.limits.buffer_bytes,
             "binding_bytes": info.limits.binding_bytes,
             "field_side": info.limits.field_side,
+            "loop_turns": info.limits.loop_turns,
         },
         "features": info.features,
         "filter_bits": info.filter_bits,

@@ -7,7 +7,7 @@ use airlight::Renderer;
 use airlight::device::Limits;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::Light;
-use airlight::media::{Grid, GridMedium, Optics, Phase};
+use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Records, Scene, Shadow,
 };
@@ -41,6 +41,13 @@ pub(crate) fn cases() -> Vec<Case> {
         .within(&tolerance::FRAME)
         .permutes(&scenes()),
         Case::new(
+            "frames::cut_sky",
+            "A device renders a sky behind the medium as the processor does, also where the sky is cut.",
+            cut_sky,
+        )
+        .within(&tolerance::FRAME)
+        .permutes(&sizes()),
+        Case::new(
             "frames::ten_bands",
             "A device renders records of ten bands as the processor does, also where they are cut.",
             ten_bands,
@@ -48,6 +55,27 @@ pub(crate) fn cases() -> Vec<Case> {
         .within(&tolerance::FRAME)
         .permutes(&sizes()),
     ]
+}
+
+fn cut_sky(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = cloud(Map::Plain, UVec3::new(1, 1, 1), grey(Phase::Isotropic));
+    scene.medium = Arc::new(Homogeneous::new(0.1, DVec3::ZERO, DVec3::new(0.9, 0.7, 1.1))?);
+    scene.camera = camera(3, 9, 4);
+    let mut sky = sky();
+    (sky.visible, sky.rotation) = (true, 35.0);
+    scene.environment = Some(sky);
+    let expected = by_the_processor(&scene)?;
+    record.within(record.tolerance().filtered(record.info()), |record| {
+        record.each(&sizes(), |record, &narrow| {
+            let mut device = subject.open()?;
+            if narrow {
+                // Some of the sky's 128 texels at a time.
+                device.narrow(&Limits { binding_bytes: 1024, field_side: 3, ..NARROW });
+            }
+            hold(record, &Renderer::new(device).render(&scene)?.film, &expected);
+            Ok(())
+        })
+    })
 }
 
 fn ten_bands(subject: &Subject, record: &mut Record) -> Result<(), Failed> {

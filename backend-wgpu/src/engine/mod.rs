@@ -43,8 +43,8 @@ use airlight_core::glam::{DMat4, DVec4};
 use airlight_core::scene::Camera;
 use wgpu::{Texture, TextureFormat, TextureView};
 
-pub use crate::WgpuDevice;
 pub use crate::gpu::LossNotice;
+pub use crate::{Filter, WgpuDevice};
 
 use crate::adapter;
 use crate::cut::Cut;

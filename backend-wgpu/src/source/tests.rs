@@ -31,8 +31,10 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
     for full in [true, false] {
         for stage in &examples(full) {
             for slabs in [1, 2, MAX_SLABS] {
-                if let Err(error) = module(&of(stage).text(&shapes(stage, slabs))) {
-                    panic!("{} {full} {slabs}: {error}", stage.name());
+                for filtered in [false, true] {
+                    if let Err(error) = module(&of(stage).text(&shapes(stage, slabs), filtered)) {
+                        panic!("{} {full} {slabs} {filtered}: {error}", stage.name());
+                    }
                 }
             }
         }
@@ -46,7 +48,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
 fn every_stage_has_a_kernel_of_its_name() {
     for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
         assert_eq!((stage.name(), of(stage).name), (name, name));
-        let module = module(&of(stage).text(&shapes(stage, 1))).unwrap();
+        let module = module(&of(stage).text(&shapes(stage, 1), false)).unwrap();
         assert_eq!(module.entry_points[0].name, name);
         // One workgroup takes a workgroup's invocations' worth of units, or they share one.
         let size: u32 = module.entry_points[0].workgroup_size.iter().product();
@@ -59,7 +61,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 fn kernels_bind_what_their_stages_list_under_the_same_names() {
     for stage in &examples(true) {
         let shapes = shapes(stage, 2);
-        let module = module(&of(stage).text(&shapes)).unwrap();
+        let module = module(&of(stage).text(&shapes, false)).unwrap();
         let global = |group, binding| {
             let at = Some(naga::ResourceBinding { group, binding });
             module.global_variables.iter().map(|(_, global)| global).find(|global| global.binding == at)
@@ -92,7 +94,7 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 #[test]
 fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
     let limits = crate::adapter::required_limits();
-    let mut texts: Vec<_> = examples(true).iter().map(|stage| of(stage).text(&shapes(stage, 1))).collect();
+    let mut texts: Vec<_> = examples(true).iter().map(|stage| of(stage).text(&shapes(stage, 1), false)).collect();
     texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(publish_text));
     texts.extend(crate::engine::kernels());
     let mut most = [0; 6];
@@ -163,9 +165,9 @@ fn structs_lie_in_wgsl_as_in_rust() {
 #[test]
 fn faults_name_the_file_and_line_they_stand_in() {
     let stage = &examples(true)[3];
-    let mut text = of(stage).text(&shapes(stage, 1));
+    let mut text = of(stage).text(&shapes(stage, 1), false);
     let lines = helper(Helper::Segment).text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
     text.whole = text.whole.replace("exp(-tau)", "no_such_function(-tau)");
     let error = module(&text).unwrap_err();
-    assert!(error.contains(&format!("(\"segment.wgsl\", {})", lines + 1)), "{error}");
+    assert!(error.contains(&format!("(\"kernels/segment.wgsl\", {})", lines + 1)), "{error}");
 }

@@ -2,6 +2,7 @@
 //! names `wgpu`.
 
 mod engine;
+mod filter;
 mod trouble;
 
 use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};

@@ -29,8 +29,8 @@ fn a_dispatch_that_wgpu_refuses_has_no_time() {
 fn kernels_that_do_not_compile_name_their_file_and_line() {
     let Some(device) = device() else { return };
     let mut text = Text::default();
-    text.push("first.wgsl", "const A: u32 = 1u;\n\n");
-    text.push("second.wgsl", "\nfn broken() -> u32 {\n    return A + nothing;\n}\n");
+    text.push("kernels/first.wgsl", "const A: u32 = 1u;\n\n");
+    text.push("kernels/second.wgsl", "\nfn broken() -> u32 {\n    return A + nothing;\n}\n");
     let error = compile(&device.gpu, "broken", &text).unwrap_err().to_string();
     assert!(error.starts_with("kernels/second.wgsl:3: "), "{error}");
     // The device goes on.

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::workbench::Workbench;
 
-const ENTRIES: [&str; 12] = [
+pub(crate) const ENTRIES: [&str; 12] = [
     "prepare/open",
     "prepare/upload",
     "stage/reduce",
@@ -40,17 +40,6 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
             assert!((product / number("elements") - 1.0).abs() < 1e-9, "{entry:#}");
             assert!(["voxels", "cells", "samples", "pixels"].contains(&entry["unit"].as_str().unwrap()), "{entry:#}");
         }
-    }
-}
-
-#[test]
-fn the_table_has_a_row_an_entry() {
-    let bench = Workbench::new();
-    let ended = bench.run(["bench", "--device", "cpu"]);
-    ended.well();
-    for name in ENTRIES {
-        let row = ended.stdout.lines().find(|line| line.starts_with(name)).unwrap_or_default();
-        assert!(row.ends_with('s'), "{name} in {ended:?}");
     }
 }
 

@@ -211,7 +211,7 @@ impl Toy {
                     in_scatter: s.in_scatter.map(|f| self.field(f)),
                     lights: &lights[..s.params.lights as usize],
                     tables: self.buffer(s.tables),
-                    environment: s.environment.map(|b| self.buffer(b)),
+                    environment: s.environment.map(|f| self.field(f)),
                     surface: s.surface.map(|b| self.buffer(b)),
                 };
                 vec![("film", reference::march(&s.params, &inputs))]

@@ -21,7 +21,7 @@ pub use kernel::{
     BufferElement, KernelElement, KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout,
 };
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
-pub use slabs::Slabs;
+pub use slabs::{Slabs, fold};
 pub use text::{Helper, KernelFile, KernelLanguage, KernelText, Recipe, Shape, ShapeKind};
 
 use crate::stage::Stage;

@@ -48,7 +48,7 @@ impl KernelLanguage {
 /// A file of a backend's `kernels/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KernelFile {
-    /// Its name within the folder.
+    /// Its path within the backend's folder, as faults name it.
     pub name: &'static str,
     /// What it holds.
     pub text: &'static str,
@@ -231,7 +231,7 @@ impl KernelText {
         let mut text = Self::default();
         let mut push = |name: &'static str, part: &str| {
             if language == KernelLanguage::Opencl {
-                text.whole += &format!("#line 1 \"kernels/{name}\"\n");
+                text.whole += &format!("#line 1 \"{name}\"\n");
             }
             text.push(name, part);
         };
@@ -247,7 +247,7 @@ impl KernelText {
         text
     }
 
-    /// Adds the text of a file of `kernels/`.
+    /// Adds the text of a file.
     pub fn push(&mut self, name: &'static str, text: &str) {
         self.parts.push((self.whole.lines().count() + 1, name));
         self.whole.push_str(text);

@@ -6,7 +6,9 @@ use std::hash::Hash;
 use bytemuck::Pod;
 
 use super::key::Key;
-use crate::device::{BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, ResourceId, ResourceSpec, Usage};
+use crate::device::{
+    BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, Limits, ResourceId, ResourceSpec, Usage,
+};
 use crate::stage::Stage;
 
 /// Fills a resource: called once, when its content is needed.
@@ -70,20 +72,20 @@ pub struct Plan<'a> {
     pub(super) states: Vec<String>,
     /// Bytes that the host takes for itself while the plan runs and after.
     pub(super) host: u64,
-    loop_turns: Option<u32>,
+    limits: Limits,
     keys: HashMap<ResourceId, Key>,
     frame: u64,
 }
 
 impl<'a> Plan<'a> {
-    pub(super) fn new(slots: &'a mut Slots, frame: u64, loop_turns: Option<u32>) -> Self {
+    pub(super) fn new(slots: &'a mut Slots, frame: u64, limits: Limits) -> Self {
         Self {
             slots,
             nodes: Vec::new(),
             declared: HashMap::new(),
             states: Vec::new(),
             host: 0,
-            loop_turns,
+            limits,
             keys: HashMap::new(),
             frame,
         }
@@ -99,7 +101,12 @@ impl<'a> Plan<'a> {
     /// How often all loops of one invocation may turn together on the device, where its driver bounds that. A stage
     /// that would exceed it runs in passes, for which it may need buffers of its own.
     pub fn loop_turns(&self) -> Option<u32> {
-        self.loop_turns
+        self.limits.loop_turns
+    }
+
+    /// The longest side of a field that the device holds in one piece.
+    pub fn field_side(&self) -> u32 {
+        self.limits.field_side
     }
 
     /// Counts bytes that the host needs beside the plan's resources, so that they are known to be there where host

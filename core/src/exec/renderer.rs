@@ -6,7 +6,7 @@ use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
 use crate::Version;
-use crate::device::{Buf, Device, DeviceError, FieldFormat, FieldSpec};
+use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{EmissionSource, Estimator, InScatter, MediumFields, Sources};
 use crate::light::Environment;
 use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
@@ -64,6 +64,10 @@ const OCCUPANCY: u32 = 8;
 
 /// Pixels that are read back or written at a time: 2 MiB of a film.
 const READ: u64 = 1 << 16;
+
+/// Texels along a row, and rows of a slice, of the field that holds the environment. Every device holds fields of that
+/// side, and at most a mebibyte is left empty.
+const SKY_SIDE: u32 = 256;
 
 /// 1/r² is floored at the distance of this part of [`Medium::voxel`](crate::media::Medium::voxel), where a point light
 /// would shine infinitely.
@@ -300,12 +304,21 @@ fn plan_march<'a>(
 }
 
 /// The environment as it is seen behind the medium.
-fn upload_sky<'a>(environment: &'a Environment, params: &mut MarchParams, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
+fn upload_sky<'a>(environment: &'a Environment, params: &mut MarchParams, plan: &mut Plan<'a>) -> Field {
     let image = environment.image();
     (params.environment_width, params.environment_height) = (image.width, image.height);
     let turns = (environment.rotation / 360.0).rem_euclid(1.0) as f32;
     params.environment = environment.scale.extend(turns).to_array();
-    plan.upload("environment", image.texels.len() as u64, &environment.version(), || {
-        image.texels.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
+    let texels = &image.texels;
+    let dims = fold(texels.len() as u64, SKY_SIDE.min(plan.field_side()));
+    params.environment_dims = [dims[0], dims[1], dims[2], 0];
+    let spec = FieldSpec { dims, layers: 1, format: FieldFormat::Rgba };
+    plan.upload_field("environment", spec, &environment.version(), |k, out| {
+        let first = k as usize * (out.len() / 4);
+        for (place, to) in out.chunks_exact_mut(4).enumerate() {
+            // Past the last texel lies what is never looked up.
+            let [r, g, b] = texels.get(first + place).copied().unwrap_or_default();
+            to.copy_from_slice(&[r, g, b, 0.0]);
+        }
     })
 }

@@ -48,7 +48,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             occupancy: full.then(|| buf(3)),
             lights: full.then(|| buf(4)),
             tables: buf(5),
-            environment: full.then(|| buf(6)),
+            environment: full.then(|| field(6, FieldFormat::Rgba)),
             surface: full.then(|| buf(7)),
             paths: full.then(|| buf(8)),
             film: buf(9),

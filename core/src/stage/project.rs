@@ -195,7 +195,10 @@ impl Kernel for Project {
         require!([1, 3].contains(&p.channels) && [1, 3].contains(&p.weight_channels), "channels must be 1 or 3");
         let (n, k) = (u64::from(p.direction_end), u64::from(p.coefficients));
         require!(p.direction_begin < p.direction_end, "directions {} to {n}", p.direction_begin);
-        require!(k > 0, "records of no coefficients");
+        let most = SphericalHarmonics::DEVICE_BANDS.pow(2);
+        require!((1..=most).contains(&p.coefficients), "records of {k} coefficients; kernels hold 1 to {most}");
+        let moments = p.emission_coefficients;
+        require!(moments <= most, "emission moments of {moments} coefficients; kernels hold {most}");
         require!(self.directions.len >= n, "{} directions for {n}", self.directions.len);
         require!(self.weights.len >= n * k * u64::from(p.weight_channels), "{} weights", self.weights.len);
         require!(self.records.len >= cells * k * u64::from(p.record_channels()), "{} record values", self.records.len);
@@ -281,5 +284,19 @@ mod tests {
         assert_eq!(project.passes(u64::MAX).unwrap().len(), 1);
         let error = project.passes(cell + batch + direction - 1).unwrap_err();
         assert!(error.contains("one direction"), "{error}");
+    }
+
+    #[test]
+    fn records_hold_no_more_than_kernels_do() {
+        for (coefficients, emission_coefficients) in [(0, 0), (101, 0), (4, 101)] {
+            let mut project = project();
+            (project.params.coefficients, project.params.emission_coefficients) = (coefficients, emission_coefficients);
+            project.weights.len = 200 * 101;
+            project.records.len = 6 * 101;
+            project.emission_weights = Some(Buf::new(ResourceId(4), 200 * 101));
+            project.emission_records = Some(Buf::new(ResourceId(5), 6 * 101 * 3));
+            let error = project.validate().unwrap_err();
+            assert!(error.contains("kernels hold"), "{error}");
+        }
     }
 }
