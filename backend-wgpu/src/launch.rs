@@ -6,7 +6,7 @@ use airlight_core::device::DeviceError;
 use bytemuck::Zeroable;
 use wgpu::{
     BindGroup, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding, BufferSize, BufferUsages,
-    QuerySet,
+    QuerySet, SubmissionIndex,
 };
 
 use crate::gpu::Gpu;
@@ -46,7 +46,7 @@ impl Launches<'_> {
         gpu: &Gpu,
         pipeline: &Pipeline,
         stamps: Option<(&QuerySet, u32)>,
-    ) -> Result<(), DeviceError> {
+    ) -> Result<SubmissionIndex, DeviceError> {
         let most = self.limits.max_compute_workgroups_per_dimension.max(1);
         let params = self.params.len().next_multiple_of(UNIFORM);
         let mut uniforms = self.params.to_vec();
@@ -89,7 +89,7 @@ impl Launches<'_> {
                 pass.dispatch_workgroups(x, y, 1);
             }
             drop(pass);
-            gpu.queue.submit([encoder.finish()]);
+            gpu.queue.submit([encoder.finish()])
         })
     }
 
