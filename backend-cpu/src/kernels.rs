@@ -4,10 +4,13 @@
 pub(crate) mod angle;
 pub(crate) mod field;
 pub(crate) mod harmonics;
+pub(crate) mod inject;
 pub(crate) mod march;
 pub(crate) mod maximum;
+pub(crate) mod noise;
 pub(crate) mod phase;
 pub(crate) mod project;
+pub(crate) mod propagate;
 pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;

@@ -2,11 +2,15 @@
 
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
-use airlight::glam::DVec3;
+use airlight::glam::{DVec3, Vec3};
+use airlight::light::Light;
+use airlight::media::{Gaussian, Gaussians, Lattice, Medium};
+use airlight::random::{hash, unit};
 use airlight::scene::Camera;
+use airlight::stage::propagate::{self, scheme};
 use airlight::stage::{
-    GridParams, March, MarchParams, Project, ProjectParams, Reduce, ReduceParams, Relight, RelightParams, Stage,
-    shadow_kind,
+    BlobRecord, GridParams, Inject, InjectParams, LightPlace, March, MarchParams, Project, ProjectParams, Propagate,
+    PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Stage, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -21,7 +25,7 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 4] = ["reduce", "project", "relight", "march"];
+pub const STAGES: [&str; 6] = ["inject", "reduce", "project", "propagate", "relight", "march"];
 
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
@@ -139,11 +143,30 @@ impl Rig {
         let (made, unit) = match name {
             "reduce" => (self.reduce(), "voxels"),
             "project" => (self.project(), "cells"),
+            "propagate" => (self.propagate(), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
+            "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
         made.map(|(stage, elements)| (stage, elements, unit))
+    }
+
+    /// `inject` of a sum of Gaussians. Its elements are the voxels.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn inject(&mut self, medium: &Gaussians) -> Result<(Stage, u64), DeviceError> {
+        let (lattice, bins) = (medium.lattice(), medium.bins());
+        let stage = Inject {
+            params: InjectParams::new(inject_kind::GAUSSIANS, lattice, InjectParams::centered(lattice)).with_bins(bins),
+            base: None,
+            blobs: Some(self.fill(&BlobRecord::of(medium))?),
+            starts: Some(self.fill(&bins.starts)?),
+            list: Some(self.fill(&bins.list)?),
+            out: self.make(lattice.voxels(), Usage::Work)?,
+        };
+        Ok((Stage::Inject(stage), lattice.voxels()))
     }
 
     fn make<T: Pod>(&mut self, len: u64, usage: Usage) -> Result<Buf<T>, DeviceError> {
@@ -201,6 +224,31 @@ impl Rig {
         Ok((Stage::Project(stage), cells(CELLS)))
     }
 
+    /// `propagate` by short characteristics, from a light in the middle. Its elements are the cells.
+    fn propagate(&mut self) -> Result<(Stage, u64), DeviceError> {
+        let (lattice, grid) = (lattice(), GridParams::new(&lattice()));
+        let light = Light::Point { position: lattice.center() + 0.3 * lattice.edges(), intensity: Vec3::ONE };
+        let place = LightPlace::new(&light, &lattice, CELLS, scheme::SHORT_CHARACTERISTICS);
+        let faces = propagate::faces(&[place], CELLS);
+        let mut params = PropagateParams::zeroed();
+        params.dims = grid.dims;
+        [params.world_x, params.world_y, params.world_z] = grid.world;
+        params.cells = [CELLS[0], CELLS[1], CELLS[2], 1];
+        let side = |a: usize| DIMS[a] as f32 / CELLS[a] as f32;
+        params.cell = [side(0), side(1), side(2), lattice.shortest_edge() as f32];
+        (params.lights, params.steps, params.scheme) = (1, faces.len() as u32, scheme::SHORT_CHARACTERISTICS);
+        params.items = PropagateParams::most_items(CELLS, 1, params.scheme).unwrap_or(0);
+        let stage = Propagate {
+            params,
+            density: self.density,
+            occupancy: None,
+            lights: self.fill(&[place])?,
+            faces: Some(self.fill(&faces)?),
+            out: self.make(4 * cells(CELLS), Usage::Work)?,
+        };
+        Ok((Stage::Propagate(stage), cells(CELLS)))
+    }
+
     /// `relight` of 9 coefficients to one layer. Its elements are the cells.
     fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
         let (count, coefficients) = (cells(CELLS), BANDS * BANDS);
@@ -243,6 +291,7 @@ impl Rig {
             density: self.density,
             emission: None,
             in_scatter: None,
+            light_depth: None,
             occupancy: None,
             lights: None,
             tables: self.fill(&[0.5f32, 0.5])?,
@@ -253,6 +302,19 @@ impl Rig {
         };
         Ok((Stage::March(stage), view.samples()))
     }
+}
+
+/// So many Gaussians, a cube number, on a jittered grid that fills a unit cube of `cells` a side: each is as wide as the
+/// grid's spacing, so that neighbours run into each other, as particles of smoke do.
+pub fn gaussians(count: u32, cells: u32) -> Gaussians {
+    let side = f64::from(count).cbrt().round() as u32;
+    let place = |n: u32, key: u32| f64::from(n) + f64::from(unit(hash([n, key, 1])));
+    let blob = |n: u32| {
+        let at = DVec3::new(place(n % side, n), place(n / side % side, n + 1), place(n / side / side, n + 2));
+        Gaussian { center: at / f64::from(side), a: f64::from(side), c: 1.0 }
+    };
+    let lattice = Lattice::of_cells(cells, DVec3::ZERO, DVec3::ONE).expect("a unit cube");
+    Gaussians::new((0..side.pow(3)).map(blob).collect(), lattice).expect("Gaussians in range")
 }
 
 fn four(v: DVec3) -> [f32; 4] {

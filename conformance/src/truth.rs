@@ -23,9 +23,12 @@ macro_rules! embedded {
 }
 
 const FILES: &[(&str, &[u8])] = embedded![
+    "blobs.json",
     "density.nrrd",
     "env.exr",
     "sh_env.json",
+    "blobs.json",
+    "images/blobs_point_single.exr",
     "images/dir_hg0.7_single.exr",
     "images/dir_single.exr",
     "images/dir_single_chromatic.exr",

@@ -15,6 +15,7 @@ pub mod host;
 pub mod light;
 pub mod media;
 pub mod metric;
+pub mod random;
 pub mod reference;
 pub mod scene;
 pub mod stage;

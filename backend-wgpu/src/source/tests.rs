@@ -1,7 +1,9 @@
 //! What can be said of kernels without a device, by wgpu's own reader of WGSL.
 
 use airlight_core::device::KernelField;
-use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples};
+use airlight_core::stage::{
+    BlobRecord, InjectParams, LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples,
+};
 use naga::AddressSpace;
 
 use super::*;
@@ -156,6 +158,8 @@ fn structs_lie_in_wgsl_as_in_rust() {
     check::<RelightParams>();
     check::<MarchParams>();
     check::<LightRecord>();
+    check::<InjectParams>();
+    check::<BlobRecord>();
     check::<Launch>();
     check::<PublishParams>();
     check::<crate::engine::ImportParams>();

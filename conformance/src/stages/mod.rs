@@ -1,8 +1,10 @@
 //! Each stage against its twin.
 
+mod inject;
 mod march;
 mod march_cases;
 mod project;
+mod propagate;
 mod reduce;
 mod relight;
 
@@ -12,7 +14,15 @@ use crate::bench::cuts;
 use crate::{Case, Record, Subject, Tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    [reduce::cases(), project::cases(), relight::cases(), march_cases::cases()].into_iter().flatten().collect()
+    let all = [
+        inject::cases(),
+        reduce::cases(),
+        project::cases(),
+        propagate::cases(),
+        relight::cases(),
+        march_cases::cases(),
+    ];
+    all.into_iter().flatten().collect()
 }
 
 /// A case of a stage, whose work is cut in every way, and whose tolerance is that of the device's filter.

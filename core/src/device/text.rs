@@ -5,8 +5,10 @@
 
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
+use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, Reduce, ReduceParams, RelightParams, Stage,
+    BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project,
+    ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, Stage, inject_kind, propagate::scheme,
     shadow_kind,
 };
 
@@ -72,12 +74,22 @@ pub enum Helper {
     Harmonics,
     /// Light along a short piece of a ray.
     Segment,
+    /// Fractal gradient noise.
+    Noise,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 7] =
-        [Self::Field, Self::Maximum, Self::Sample, Self::Angle, Self::Phase, Self::Harmonics, Self::Segment];
+    pub const ALL: [Self; 8] = [
+        Self::Field,
+        Self::Maximum,
+        Self::Sample,
+        Self::Angle,
+        Self::Phase,
+        Self::Harmonics,
+        Self::Segment,
+        Self::Noise,
+    ];
 
     /// Name of its file, without the language's ending.
     pub fn name(self) -> &'static str {
@@ -89,6 +101,7 @@ impl Helper {
             Self::Phase => "phase",
             Self::Harmonics => "harmonics",
             Self::Segment => "segment",
+            Self::Noise => "noise",
         }
     }
 }
@@ -120,6 +133,13 @@ const PROJECT: Recipe = Recipe {
     helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Segment],
 };
 
+const PROPAGATE: Recipe = Recipe {
+    params: PropagateParams::NAME,
+    structs: &[PropagateParams::text, LightPlace::text, LightFace::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample],
+};
+
 const RELIGHT: Recipe =
     Recipe { params: RelightParams::NAME, structs: &[RelightParams::text], per_field: &[], helpers: &[] };
 
@@ -130,14 +150,23 @@ const MARCH: Recipe = Recipe {
     helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Segment],
 };
 
+const INJECT: Recipe = Recipe {
+    params: InjectParams::NAME,
+    structs: &[InjectParams::text, BlobRecord::text],
+    per_field: &[],
+    helpers: &[Helper::Noise],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
         match stage {
             Stage::Reduce(_) => REDUCE,
             Stage::Project(_) => PROJECT,
+            Stage::Propagate(_) => PROPAGATE,
             Stage::Relight(_) => RELIGHT,
             Stage::March(_) => MARCH,
+            Stage::Inject(_) => INJECT,
         }
     }
 
@@ -150,15 +179,26 @@ impl Recipe {
             ("PHASE_RAYLEIGH", PhaseParams::RAYLEIGH),
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
+            ("SHADOW_COLUMN", shadow_kind::COLUMN),
+            ("SHADOW_MEAN", shadow_kind::MEAN),
+            ("SCHEME_SHORT_CHARACTERISTICS", scheme::SHORT_CHARACTERISTICS),
+            ("SCHEME_PUBLISHED", scheme::PUBLISHED),
+            ("NO_FACE", LightFace::NONE),
             ("BLOCK", March::BLOCK),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
             ("LANES", Project::LANES),
+            ("BRICK", Inject::BRICK),
+            ("INJECT_GAUSSIANS", inject_kind::GAUSSIANS),
+            ("INJECT_HEIGHT_FOG", inject_kind::HEIGHT_FOG),
+            ("NOISE_PERIOD", FractalNoise::PERIOD),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);
         }
-        out += &language.float("REDUCE_SLACK", Reduce::SLACK);
+        for (name, value) in [("REDUCE_SLACK", Reduce::SLACK), ("INJECT_FAR", Inject::FAR), ("DENSITY_MAX", LARGEST)] {
+            out += &language.float(name, value);
+        }
         for shape in shapes {
             out += &language.truth(&format!("has_{}", shape.name), shape.present);
         }
@@ -286,11 +326,12 @@ mod tests {
         for (language, scalar, color) in
             [(KernelLanguage::Wgsl, "f32", "vec4<f32>"), (KernelLanguage::Opencl, "float", "float4")]
         {
-            let text = text(language, &examples(true)[3]);
+            let text = text(language, &examples(true)[4]);
             for line in [
                 format!("{scalar} of_density;"),
                 format!("{scalar} of_emission_density;"),
                 format!("{color} of_in_scatter;"),
+                format!("{color} of_light_depth;"),
             ] {
                 assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
             }

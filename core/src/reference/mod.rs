@@ -7,14 +7,18 @@
 
 pub mod brute;
 pub mod closed;
+mod inject;
 mod lookup;
 mod march;
 mod project;
+mod propagate;
 mod reduce;
 mod relight;
 
 pub use brute::{BruteForce, BruteSettings};
+pub use inject::{InjectInputs, inject};
 pub use march::{MarchInputs, march};
 pub use project::{ProjectInputs, project};
+pub use propagate::{PropagateInputs, propagate};
 pub use reduce::{ReduceInputs, reduce};
 pub use relight::{RelightInputs, relight};

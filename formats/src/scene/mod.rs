@@ -6,6 +6,7 @@
 
 mod background;
 mod camera;
+mod described;
 mod error;
 mod estimate;
 mod light;
