@@ -331,7 +331,11 @@ mod tests {
 
     #[test]
     fn every_stage_has_a_benchmark() {
-        assert_eq!(STAGES, Stage::NAMES);
+        let sorted = |mut names: Vec<&'static str>| {
+            names.sort();
+            names
+        };
+        assert_eq!(sorted(STAGES.to_vec()), sorted(Stage::NAMES.to_vec()));
     }
 
     #[test]

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use airlight_benches::quick;
 use serde_json::Value;
 
-use crate::bench::ENTRIES;
 use crate::workbench::{Ended, Workbench};
 
 /// These runs take some hundredths of a second. What would wait for a platform waits for ten.
@@ -101,8 +101,8 @@ fn bench_says_what_is_absent_and_measures_the_processor() {
         assert!(line.starts_with(&format!("{backend} has no device: {reason}")), "{ended:?}");
     }
     // A row an entry, with a time and nothing to compare it with.
-    for name in ENTRIES {
-        let row = ended.stdout.lines().find(|line| line.starts_with(name)).unwrap_or_default();
+    for name in quick::names() {
+        let row = ended.stdout.lines().find(|line| line.starts_with(&name)).unwrap_or_default();
         assert!(row.ends_with('s') && !row.contains('×'), "{name} in {ended:?}");
     }
 }

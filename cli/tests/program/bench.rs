@@ -1,23 +1,9 @@
 //! `bench`: what it says of which device. No time is asserted.
 
+use airlight_benches::quick;
 use serde_json::Value;
 
 use crate::workbench::Workbench;
-
-pub(crate) const ENTRIES: [&str; 12] = [
-    "prepare/open",
-    "prepare/upload",
-    "stage/reduce",
-    "stage/project",
-    "stage/relight",
-    "stage/march",
-    "prepare/compile",
-    "prepare/first-frame",
-    "frame/records-static",
-    "frame/records-dynamic-light",
-    "frame/records-dynamic-medium",
-    "frame/direct",
-];
 
 #[test]
 fn every_entry_is_measured_on_a_device_that_is_named() {
@@ -27,7 +13,7 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
     let [device] = told["devices"].as_array().unwrap().as_slice() else { panic!("{told:#}") };
     assert_eq!((&device["device"]["id"], &device["fault"]), (&"cpu:0".into(), &Value::Null));
     let entries = device["entries"].as_array().unwrap();
-    assert_eq!(entries.iter().map(|e| e["name"].as_str().unwrap()).collect::<Vec<_>>(), ENTRIES);
+    assert_eq!(entries.iter().map(|e| e["name"].as_str().unwrap()).collect::<Vec<_>>(), quick::names());
     for entry in entries {
         let number = |key: &str| entry[key].as_f64().unwrap_or_else(|| panic!("{key} of {entry:#}"));
         assert!(number("fastest") <= number("seconds") && number("seconds") <= number("slowest"), "{entry:#}");
