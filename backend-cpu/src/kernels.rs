@@ -4,8 +4,10 @@
 pub(crate) mod angle;
 pub(crate) mod field;
 pub(crate) mod harmonics;
+pub(crate) mod inject;
 pub(crate) mod march;
 pub(crate) mod maximum;
+pub(crate) mod noise;
 pub(crate) mod phase;
 pub(crate) mod project;
 pub(crate) mod propagate;

@@ -8,7 +8,6 @@
 mod device;
 mod isa;
 mod kernels;
-mod memory;
 mod packet;
 
 pub use device::CpuDevice;

@@ -41,6 +41,7 @@ float3 to_index(const Bound *bound, float3 d);
 Incident incident(const Bound *bound, uint i, float3 d, float t);
 float3 sky(const Bound *bound, float3 d);
 float3 sky_row(const Bound *bound, int i, int j, float f);
+float3 sky_texel(const Bound *bound, int n);
 
 float phase_value(const Bound *bound, uint i) {
     return bound->tables[bound->params->phase_at + i];
@@ -338,9 +339,17 @@ float3 sky(const Bound *bound, float3 d) {
 }
 
 float3 sky_row(const Bound *bound, int i, int j, float f) {
-    long width = bound->params->environment_width;
-    long row = clamp((long)j, 0L, (long)bound->params->environment_height - 1L) * width;
-    float3 a = bound->environment[row + (i + width) % width].xyz;
-    float3 b = bound->environment[row + (i + 1) % width].xyz;
+    int width = (int)bound->params->environment_width;
+    int row = clamp(j, 0, (int)bound->params->environment_height - 1) * width;
+    float3 a = sky_texel(bound, row + (i + width) % width);
+    float3 b = sky_texel(bound, row + (i + 1) % width);
     return a + (b - a) * f;
+}
+
+// Texel `n` of the environment, counted row by row, which are folded into a field.
+float3 sky_texel(const Bound *bound, int n) {
+    int3 size = convert_int3(bound->params->environment_dims.xyz);
+    int row = n / size.x;
+    int3 at = (int3)(n % size.x, row % size.y, row / size.y);
+    return texel_environment(bound, at, size, 0).xyz;
 }

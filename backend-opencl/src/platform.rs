@@ -165,5 +165,6 @@ fn describe(index: usize, found: &Found) -> DeviceInfo {
         },
         features,
         filter_bits: 24,
+        unusable: None,
     }
 }

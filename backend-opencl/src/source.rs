@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use airlight_core::device::{Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{March, Stage};
+use airlight_core::stage::{Inject, March, Stage};
 
 pub(crate) use airlight_core::device::{Shape, ShapeKind};
 
@@ -44,6 +44,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Phase => file!("phase.cl"),
         Helper::Harmonics => file!("harmonics.cl"),
         Helper::Segment => file!("segment.cl"),
+        Helper::Noise => file!("noise.cl"),
     }
 }
 
@@ -66,6 +67,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Propagate(_) => (file!("propagate.cl"), 1),
         Stage::Relight(_) => (file!("relight.cl"), 1),
         Stage::March(_) => (file!("march.cl"), March::BLOCK * March::BLOCK),
+        Stage::Inject(_) => (file!("inject.cl"), Inject::BRICK * Inject::BRICK),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

@@ -15,6 +15,9 @@ fn nearest_FIELD(p: vec3<f32>, size: vec3<i32>, layer: i32) -> VALUE {
 fn sample_FIELD(p: vec3<f32>, size: vec3<i32>, layer: i32) -> VALUE {
     // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
     let q = within_FIELD(p, size);
+    if filters_FIELD {
+        return filter_FIELD(q, size, layer);
+    }
     let lo = vec3<i32>(q);
     let hi = min(lo + 1, size - 1);
     let f = q - vec3<f32>(lo);

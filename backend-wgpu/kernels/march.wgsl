@@ -304,7 +304,15 @@ fn sky(d: vec3<f32>) -> vec3<f32> {
 fn sky_row(i: i32, j: i32, f: f32) -> vec3<f32> {
     let width = i32(params.environment_width);
     let row = clamp(j, 0, i32(params.environment_height) - 1) * width;
-    let a = environment[row + (i + width) % width].xyz;
-    let b = environment[row + (i + 1) % width].xyz;
+    let a = sky_texel(row + (i + width) % width);
+    let b = sky_texel(row + (i + 1) % width);
     return a + (b - a) * f;
+}
+
+// Texel `n` of the environment, counted row by row, which are folded into a field.
+fn sky_texel(n: i32) -> vec3<f32> {
+    let size = vec3<i32>(params.environment_dims.xyz);
+    let row = n / size.x;
+    let at = vec3<i32>(n % size.x, row % size.y, row / size.y);
+    return texel_environment(at, size, 0).xyz;
 }

@@ -1,14 +1,20 @@
 //! Finding and opening adapters.
 
 use airlight_core::device::{DeviceInfo, DeviceKind, Limits, Unavailable};
+use airlight_core::host;
 use wgpu::{Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags};
 
+use crate::gpu::Gpu;
+use crate::source::MAX_SLABS;
+use crate::vulkan::{self, Stated};
 use crate::{WgpuDevice, loader};
 
 /// The most texels of a side that the index of a slab's slice is meant for; real limits are far below.
 const SIDE: u32 = 1 << 15;
+/// Memory that the invocations of a workgroup share in `project`.
+const WORKGROUP_BYTES: u32 = 2048;
 
-fn adapters() -> Result<Vec<Adapter>, Unavailable> {
+pub(crate) fn adapters() -> Result<Vec<Adapter>, Unavailable> {
     // wgpu panics where it was compiled without any backend for the platform.
     let backends = Instance::enabled_backend_features();
     if backends.is_empty() {
@@ -19,9 +25,7 @@ fn adapters() -> Result<Vec<Adapter>, Unavailable> {
         flags: InstanceFlags::empty(),
         ..InstanceDescriptor::new_without_display_handle()
     });
-    let usable = |adapter: &Adapter| adapter.limits().max_compute_invocations_per_workgroup >= 64;
-    let found: Vec<_> =
-        pollster::block_on(instance.enumerate_adapters(Backends::all())).into_iter().filter(usable).collect();
+    let found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
     if found.is_empty() {
         return Err(loader::reason());
     }
@@ -30,7 +34,7 @@ fn adapters() -> Result<Vec<Adapter>, Unavailable> {
 
 /// The adapters, or why there are none.
 pub(crate) fn enumerate() -> Result<Vec<DeviceInfo>, Unavailable> {
-    Ok(adapters()?.iter().enumerate().map(|(index, adapter)| describe(index, adapter)).collect())
+    Ok(adapters()?.iter().enumerate().map(|(index, adapter)| of_adapter(index, adapter)).collect())
 }
 
 /// Opens an adapter as a device.
@@ -40,10 +44,13 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
         let last = adapters.len() - 1;
         return Err(Unavailable(format!("there is no wgpu:{index}; the last one is wgpu:{last}")));
     };
-    let info = describe(index, adapter);
+    let info = of_adapter(index, adapter);
+    if let Some(reason) = info.unusable {
+        return Err(Unavailable(format!("{} cannot be opened: {reason}", info.name)));
+    }
     let request = wgpu::DeviceDescriptor {
         label: Some("airlight"),
-        required_features: adapter.features() & Features::TIMESTAMP_QUERY,
+        required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_FILTERABLE),
         // All that there is: the defaults of WebGPU are far below what most adapters hold.
         required_limits: adapter.limits(),
         memory_hints: wgpu::MemoryHints::Performance,
@@ -52,15 +59,64 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
     let (device, queue) = pollster::block_on(adapter.request_device(&request))
         .map_err(|error| Unavailable(format!("{} cannot be opened: {error}", info.name)))?;
     let name = info.name.clone();
-    WgpuDevice::new(info, device, queue).map_err(|error| Unavailable(format!("{name} cannot be opened: {error}")))
+    WgpuDevice::new(info, Gpu::own(device, queue))
+        .map_err(|error| Unavailable(format!("{name} cannot be opened: {error}")))
 }
 
-fn describe(index: usize, adapter: &Adapter) -> DeviceInfo {
-    let (info, limits) = (adapter.get_info(), adapter.limits());
+/// The least limits that the kernels run with. Fields in several slabs take more textures.
+pub(crate) fn required_limits() -> wgpu::Limits {
+    wgpu::Limits {
+        max_bind_groups: 3,
+        max_bindings_per_bind_group: 7 * MAX_SLABS,
+        max_uniform_buffers_per_shader_stage: 2,
+        max_storage_buffers_per_shader_stage: 7,
+        max_sampled_textures_per_shader_stage: 4,
+        max_storage_textures_per_shader_stage: 2,
+        max_compute_invocations_per_workgroup: 64,
+        max_compute_workgroup_size_x: 64,
+        max_compute_workgroup_size_y: 8,
+        max_compute_workgroup_size_z: 1,
+        max_compute_workgroup_storage_size: WORKGROUP_BYTES,
+        max_compute_workgroups_per_dimension: 1 << 14,
+        max_texture_dimension_3d: 256,
+        max_storage_buffer_binding_size: 1 << 24,
+        max_buffer_size: 1 << 24,
+        max_uniform_buffer_binding_size: 1 << 10,
+        ..wgpu::Limits::downlevel_webgl2_defaults()
+    }
+}
+
+/// Why an adapter or device of these limits cannot run the kernels.
+pub(crate) fn shortfall(limits: &wgpu::Limits) -> Option<String> {
+    let needed = required_limits();
+    let mut short = Vec::new();
+    needed.check_limits_with_fail_fn(limits, false, |name, needed, found| {
+        short.push(format!("{name} is {found} and must be at least {needed}"));
+    });
+    (!short.is_empty()).then(|| short.join("; "))
+}
+
+fn of_adapter(index: usize, adapter: &Adapter) -> DeviceInfo {
+    let limits = adapter.limits();
+    let unusable = shortfall(&limits);
+    DeviceInfo {
+        unusable,
+        ..describe(index, adapter.get_info(), &limits, adapter.features(), vulkan::of_adapter(adapter))
+    }
+}
+
+/// A device of these limits and features on an adapter.
+pub(crate) fn describe(
+    index: usize,
+    info: wgpu::AdapterInfo,
+    limits: &wgpu::Limits,
+    available: Features,
+    stated: Stated,
+) -> DeviceInfo {
     let mut features = vec![info.backend.to_string()];
     let driver = format!("{} {}", info.driver, info.driver_info);
     features.extend(Some(driver.trim().to_owned()).filter(|driver| !driver.is_empty()));
-    if adapter.features().contains(Features::TIMESTAMP_QUERY) {
+    if available.contains(Features::TIMESTAMP_QUERY) {
         features.push("timestamps".into());
     }
     DeviceInfo {
@@ -73,7 +129,8 @@ fn describe(index: usize, adapter: &Adapter) -> DeviceInfo {
             DeviceType::Cpu => DeviceKind::SoftwareGpu,
             DeviceType::VirtualGpu | DeviceType::Other => DeviceKind::Other,
         },
-        memory_bytes: None,
+        // Mesa's software driver states a constant.
+        memory_bytes: if info.device_type == DeviceType::Cpu { host::memory() } else { stated.memory },
         limits: Limits {
             buffer_bytes: limits.max_buffer_size,
             binding_bytes: limits.max_storage_buffer_binding_size,
@@ -82,7 +139,8 @@ fn describe(index: usize, adapter: &Adapter) -> DeviceInfo {
             loop_turns: (info.driver == "llvmpipe").then_some(65_535),
         },
         features,
-        // Kernels interpolate themselves: a texture unit's weights have 8 bits.
+        // Of kernels that interpolate themselves; the device that is made tells whether its texture units do.
         filter_bits: 24,
+        unusable: None,
     }
 }

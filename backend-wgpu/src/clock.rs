@@ -75,6 +75,12 @@ impl Clock {
         }
     }
 
+    /// Forgets every dispatch.
+    pub(crate) fn forget(&mut self) {
+        self.dispatches.clear();
+        (self.began, self.stamped) = (None, 0);
+    }
+
     /// Waits for all work, and gives the time of each dispatch in order.
     pub(crate) fn finish(&mut self, gpu: &mut Gpu) -> Result<Vec<StageTime>, DeviceError> {
         let dispatches = std::mem::take(&mut self.dispatches);

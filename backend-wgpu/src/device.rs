@@ -3,21 +3,26 @@
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, FieldFormat, ResourceId, ResourceSpec, StageTime,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, Limits, ResourceId, ResourceSpec, StageTime,
 };
+use airlight_core::host;
 use airlight_core::stage::Stage;
-use wgpu::QuerySet;
+use wgpu::{QuerySet, Sampler};
 
 use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
+use crate::engine::Engine;
+use crate::filter::{self, Filter};
 use crate::gpu::{Gpu, STAGING};
 use crate::launch::{Launches, Shot};
 use crate::memory::{Resource, texture_format};
 use crate::pipeline::Pipeline;
 use crate::source::{self, PublishParams, Shape};
 use crate::store::{Bound, Store};
+use crate::vulkan;
 
 /// A graphics processor as a device.
 #[derive(Debug)]
@@ -25,30 +30,23 @@ pub struct WgpuDevice {
     pub(crate) info: DeviceInfo,
     pub(crate) gpu: Gpu,
     pub(crate) limits: wgpu::Limits,
-    store: Store,
+    pub(crate) store: Store,
     /// Kernels by stage and the shapes of its bindings.
     pipelines: HashMap<(&'static str, Vec<Shape>), Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
+    pub(crate) engine: Engine,
+    /// Where texture units interpolate.
+    pub(crate) sampler: Option<Sampler>,
     clock: Clock,
 }
 
-/// Whether `len` bytes from `offset` on are whole words within `bytes` bytes.
-fn span(offset: u64, len: usize, bytes: u64) -> Result<(), DeviceError> {
-    if !offset.is_multiple_of(4) || !len.is_multiple_of(4) {
-        return Err(DeviceError::Invalid(format!("{len} bytes from {offset} on are not whole words of 4 bytes")));
-    }
-    match offset.checked_add(len as u64) {
-        Some(end) if end <= bytes => Ok(()),
-        _ => Err(DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes"))),
-    }
-}
-
 impl WgpuDevice {
-    /// An opened adapter.
-    pub(crate) fn new(info: DeviceInfo, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self, DeviceError> {
-        let stamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
-        let tick = stamps.then(|| f64::from(queue.get_timestamp_period()));
-        let (limits, gpu) = (device.limits(), Gpu::new(device, queue));
+    /// What `gpu` is, ready to work.
+    pub(crate) fn new(mut info: DeviceInfo, gpu: Gpu) -> Result<Self, DeviceError> {
+        let stamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
+        let limits = gpu.device.limits();
+        let sampler = filter::sampler(&gpu, &mut info, Filter::default());
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -56,11 +54,19 @@ impl WgpuDevice {
             gpu,
             pipelines: HashMap::new(),
             publishers: HashMap::new(),
+            engine: Engine::default(),
+            sampler,
             clock: Clock::new(tick),
         })
     }
 
-    fn binding_limits(&self) -> BindingLimits {
+    /// Chooses who interpolates; kernels of another choice are dropped.
+    pub(crate) fn set_filter(&mut self, filter: Filter) {
+        self.sampler = filter::sampler(&self.gpu, &mut self.info, filter);
+        self.pipelines.clear();
+    }
+
+    pub(crate) fn binding_limits(&self) -> BindingLimits {
         let align = u64::from(self.limits.min_storage_buffer_offset_alignment).max(4);
         BindingLimits { bytes: self.info.limits.binding_bytes, align }
     }
@@ -71,7 +77,8 @@ impl WgpuDevice {
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let built = Pipeline::of_stage(&self.gpu, source.name, &source.text(&key.1), &key.1)?;
+        let text = source.text(&key.1, self.sampler.is_some());
+        let built = Pipeline::of_stage(&self.gpu, source.name, &text, &key.1, self.sampler.as_ref())?;
         Ok(Arc::clone(self.pipelines.entry(key).or_insert(Arc::new(built))))
     }
 
@@ -97,18 +104,30 @@ impl WgpuDevice {
         let (params, sequential) = (stage.params(), stage.sequential());
         let launches = Launches { params, units, sequential, shots, limits: &self.limits };
         let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
-        let run = launches.run(&self.gpu, &pipeline, stamps);
-        if run.is_err() {
-            // A dispatch that failed has no time.
-            self.clock.take_back();
+        match launches.run(&self.gpu, &pipeline, stamps) {
+            Ok(sent) => {
+                self.gpu.sent(stage.name(), sent);
+                Ok(())
+            }
+            Err(error) => {
+                // A dispatch that failed has no time.
+                self.clock.take_back();
+                Err(error)
+            }
         }
-        run
     }
 }
 
 impl Device for WgpuDevice {
     fn info(&self) -> &DeviceInfo {
         &self.info
+    }
+
+    fn free_memory(&self) -> Option<u64> {
+        if self.info.kind == DeviceKind::SoftwareGpu {
+            return host::free_memory();
+        }
+        vulkan::free(&self.gpu.device)
     }
 
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
@@ -122,9 +141,10 @@ impl Device for WgpuDevice {
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        match self.store.get(id)? {
+        let resource = self.store.get(id)?;
+        resource.spec().check_write(offset, data.len())?;
+        match resource {
             Resource::Buffer(memory) => {
-                span(offset, data.len(), memory.bytes)?;
                 let mut at = offset;
                 for chunk in data.chunks(STAGING as usize) {
                     let bytes = chunk.len() as u64;
@@ -134,32 +154,19 @@ impl Device for WgpuDevice {
                 }
                 Ok(())
             }
-            Resource::Field(volume) => {
-                let slice = volume.spec.slice_bytes();
-                if !offset.is_multiple_of(slice) || !(data.len() as u64).is_multiple_of(slice) {
-                    return Err(DeviceError::Invalid(format!("fields are written in whole slices of {slice} bytes")));
-                }
-                span(offset, data.len(), volume.spec.bytes())?;
-                volume.write(&mut self.gpu, (offset / slice) as u32, data)
-            }
+            Resource::Field(volume) => volume.write(&mut self.gpu, (offset / volume.spec.slice_bytes()) as u32, data),
         }
     }
 
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        let memory = self.store.buffer(id)?;
-        span(offset, out.len(), memory.bytes)?;
-        self.gpu.read(&memory.buffer, offset, out)
+        self.store.get(id)?.spec().check_read(offset, out.len())?;
+        self.gpu.read(&self.store.buffer(id)?.buffer, offset, out)
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        let spec = self.store.field(to)?.spec;
-        let held = self.store.buffer(from)?.bytes;
-        if held != spec.bytes() {
-            let text = format!("a field of {} bytes is not published from a buffer of {held}", spec.bytes());
-            return Err(DeviceError::Invalid(text));
-        }
+        let spec = self.store.get(from)?.spec().check_publish(&self.store.get(to)?.spec())?;
         let pipeline = self.publisher(spec.format)?;
         let volume = self.store.field(to)?;
         // The work axis is the texels of a layer; each is a part of the buffer, with all its layers.
@@ -168,7 +175,7 @@ impl Device for WgpuDevice {
             return Err(DeviceError::Limit { what: "the texels of a layer", requested, limit: u32::MAX.into() });
         };
         let words = spec.format.bytes() / 4 * u64::from(spec.layers);
-        let source: Buf<f32> = Buf::new(from, held / 4);
+        let source: Buf<f32> = Buf::new(from, spec.bytes() / 4);
         let binding = [Binding::read("buffer", Some(source)).in_parts::<f32>(words)];
         let cut = Cut::new(texels, 1, &binding, self.binding_limits())?;
         for (slab, (_, view)) in volume.textures.iter().enumerate() {
@@ -182,18 +189,16 @@ impl Device for WgpuDevice {
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
-            Launches { params, units, sequential: None, shots, limits: &self.limits }
-                .run(&self.gpu, &pipeline, None)?;
+            let launches = Launches { params, units, sequential: None, shots, limits: &self.limits };
+            let sent = launches.run(&self.gpu, &pipeline, None)?;
+            self.gpu.sent("publishing", sent);
         }
         Ok(())
     }
 
     fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        stage.validate().map_err(DeviceError::Invalid)?;
-        if range.start > range.end || range.end > stage.axis() {
-            return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
-        }
+        stage.check(&range, |id| self.store.get(id).ok().map(Resource::spec))?;
         if range.is_empty() {
             self.clock.idle(stage.name(), range);
             return Ok(());
@@ -203,5 +208,19 @@ impl Device for WgpuDevice {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.clock.finish(&mut self.gpu)
+    }
+
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.clock.forget();
+        self.gpu.flush()
+    }
+
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        self.gpu.set_patience(patience);
+    }
+
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        self.info.limits = self.info.limits.min(limits);
+        true
     }
 }

@@ -6,7 +6,7 @@ use airlight_core::device::DeviceError;
 use bytemuck::Zeroable;
 use wgpu::{
     BindGroup, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding, BufferSize, BufferUsages,
-    QuerySet,
+    QuerySet, SubmissionIndex,
 };
 
 use crate::gpu::Gpu;
@@ -46,7 +46,7 @@ impl Launches<'_> {
         gpu: &Gpu,
         pipeline: &Pipeline,
         stamps: Option<(&QuerySet, u32)>,
-    ) -> Result<(), DeviceError> {
+    ) -> Result<SubmissionIndex, DeviceError> {
         let most = self.limits.max_compute_workgroups_per_dimension.max(1);
         let params = self.params.len().next_multiple_of(UNIFORM);
         let mut uniforms = self.params.to_vec();
@@ -89,7 +89,7 @@ impl Launches<'_> {
                 pass.dispatch_workgroups(x, y, 1);
             }
             drop(pass);
-            gpu.queue.submit([encoder.finish()]);
+            gpu.queue.submit([encoder.finish()])
         })
     }
 
@@ -104,10 +104,13 @@ impl Launches<'_> {
         })
     }
 
-    /// Parameters, and where the dispatch stands.
+    /// Parameters, where the dispatch stands, and the filter of fields that are filtered by the texture unit.
     fn constants(&self, gpu: &Gpu, pipeline: &Pipeline, uniforms: &Buffer, launch_at: u64) -> BindGroup {
         let launch = (1, uniforms, launch_at, size_of::<Launch>() as u64);
-        group(gpu, &pipeline.layouts[0], &buffers(&[(0, uniforms, 0, self.params.len() as u64), launch]))
+        let mut entries = buffers(&[(0, uniforms, 0, self.params.len() as u64), launch]);
+        let sampler = pipeline.sampler.as_ref();
+        entries.extend(sampler.map(|s| BindGroupEntry { binding: 2, resource: BindingResource::Sampler(s) }));
+        group(gpu, &pipeline.layouts[0], &entries)
     }
 }
 

@@ -1,13 +1,18 @@
-//! The GPU device of airlight: every stage in WGSL, on wgpu and Vulkan.
+//! The GPU device of airlight: every stage in WGSL, on wgpu. Of its interfaces Vulkan was tried; Metal and DX12 are
+//! switched on where they are at home, and were not.
+//!
+//! Engines lend a device of their own and keep the picture on it: see [`engine`].
 //!
 //! Buffers are storage buffers; fields are 3-D textures of 32-bit floats that kernels load and interpolate themselves,
-//! because a texture unit's weights have 8 bits. What exceeds the adapter's limits is cut: fields into slabs of
+//! unless texture units are exact enough or asked for ([`Filter`]). What exceeds the adapter's limits is cut: fields into slabs of
 //! slices, each a texture, and dispatches into pieces whose part of every buffer fits a binding.
 
 mod adapter;
 mod clock;
 mod cut;
 mod device;
+pub mod engine;
+mod filter;
 mod gpu;
 mod launch;
 mod loader;
@@ -15,8 +20,11 @@ mod memory;
 mod pipeline;
 mod source;
 mod store;
+mod vulkan;
 
 pub use device::WgpuDevice;
+pub use filter::Filter;
+pub use wgpu;
 
 use airlight_core::device::Provider;
 

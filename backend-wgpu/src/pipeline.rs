@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use airlight_core::device::DeviceError;
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, ShaderModule, ShaderStages,
-    StorageTextureAccess, TextureFormat, TextureSampleType, TextureViewDimension,
+    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, Sampler,
+    SamplerBindingType, ShaderModule, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
+    TextureViewDimension,
 };
 
 use crate::gpu::Gpu;
@@ -17,6 +18,8 @@ pub(crate) struct Pipeline {
     pub(crate) compute: ComputePipeline,
     /// Parameters, buffers and textures; the last are left out where there are none.
     pub(crate) layouts: Vec<BindGroupLayout>,
+    /// What it filters fields with.
+    pub(crate) sampler: Option<Sampler>,
 }
 
 fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
@@ -28,7 +31,7 @@ fn buffer(ty: BufferBindingType) -> BindingType {
 }
 
 /// The buffers and textures of a stage's bindings.
-fn entries(shapes: &[Shape]) -> [Vec<BindGroupLayoutEntry>; 2] {
+fn entries(shapes: &[Shape], filtered: bool) -> [Vec<BindGroupLayoutEntry>; 2] {
     let (mut buffers, mut textures) = (Vec::new(), Vec::new());
     for (index, shape) in shapes.iter().enumerate() {
         match shape.kind {
@@ -38,8 +41,8 @@ fn entries(shapes: &[Shape]) -> [Vec<BindGroupLayoutEntry>; 2] {
             }
             ShapeKind::Field { slabs, .. } => {
                 let ty = BindingType::Texture {
-                    // Kernels load texels, and 32-bit floats need not be filterable.
-                    sample_type: TextureSampleType::Float { filterable: false },
+                    // Where kernels load texels, 32-bit floats need not be filterable.
+                    sample_type: TextureSampleType::Float { filterable: filtered },
                     view_dimension: TextureViewDimension::D3,
                     multisampled: false,
                 };
@@ -51,9 +54,15 @@ fn entries(shapes: &[Shape]) -> [Vec<BindGroupLayoutEntry>; 2] {
 }
 
 impl Pipeline {
-    /// Builds a stage's kernel.
-    pub(crate) fn of_stage(gpu: &Gpu, name: &str, text: &Text, shapes: &[Shape]) -> Result<Self, DeviceError> {
-        Self::build(gpu, name, text, entries(shapes))
+    /// Builds a stage's kernel, which filters fields with `sampler` where there is one.
+    pub(crate) fn of_stage(
+        gpu: &Gpu,
+        name: &str,
+        text: &Text,
+        shapes: &[Shape],
+        sampler: Option<&Sampler>,
+    ) -> Result<Self, DeviceError> {
+        Self::build(gpu, name, text, entries(shapes, sampler.is_some()), sampler)
     }
 
     /// Builds the kernel that publishes a buffer as a slab of a field.
@@ -64,7 +73,20 @@ impl Pipeline {
             view_dimension: TextureViewDimension::D3,
         };
         let source = entry(0, buffer(BufferBindingType::Storage { read_only: true }));
-        Self::build(gpu, "publish", text, [vec![source], vec![entry(0, slab)]])
+        Self::build(gpu, "publish", text, [vec![source], vec![entry(0, slab)]], None)
+    }
+
+    /// Builds a kernel that reads or writes one buffer and some textures, all as `group` 2 has them.
+    pub(crate) fn of_engine(
+        gpu: &Gpu,
+        name: &str,
+        text: &Text,
+        read_only: bool,
+        textures: &[BindingType],
+    ) -> Result<Self, DeviceError> {
+        let textures = (0..).zip(textures).map(|(binding, ty)| entry(binding, *ty)).collect();
+        let memory = entry(0, buffer(BufferBindingType::Storage { read_only }));
+        Self::build(gpu, name, text, [vec![memory], textures], None)
     }
 
     fn build(
@@ -72,10 +94,13 @@ impl Pipeline {
         name: &str,
         text: &Text,
         [buffers, textures]: [Vec<BindGroupLayoutEntry>; 2],
+        sampler: Option<&Sampler>,
     ) -> Result<Self, DeviceError> {
         let module = compile(gpu, name, text)?;
         let uniform = buffer(BufferBindingType::Uniform);
-        let mut groups = vec![vec![entry(0, uniform), entry(1, uniform)], buffers];
+        let mut fixed = vec![entry(0, uniform), entry(1, uniform)];
+        fixed.extend(sampler.map(|_| entry(2, BindingType::Sampler(SamplerBindingType::Filtering))));
+        let mut groups = vec![fixed, buffers];
         groups.extend(Some(textures).filter(|textures| !textures.is_empty()));
         gpu.guarded(0, || {
             let layouts: Vec<_> = groups
@@ -99,7 +124,7 @@ impl Pipeline {
                 compilation_options: Default::default(),
                 cache: None,
             });
-            Self { compute, layouts }
+            Self { compute, layouts, sampler: sampler.cloned() }
         })
     }
 }

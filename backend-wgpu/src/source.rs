@@ -62,6 +62,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Phase => file!("phase.wgsl"),
         Helper::Harmonics => file!("harmonics.wgsl"),
         Helper::Segment => file!("segment.wgsl"),
+        Helper::Noise => file!("noise.wgsl"),
     }
 }
 
@@ -84,19 +85,23 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Propagate(_) => (file!("propagate.wgsl"), 64),
         Stage::Relight(_) => (file!("relight.wgsl"), 64),
         Stage::March(_) => (file!("march.wgsl"), 1),
+        Stage::Inject(_) => (file!("inject.wgsl"), 1),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {
-    /// The text for bindings of these shapes.
-    pub(crate) fn text(&self, shapes: &[Shape]) -> Text {
+    /// The text for bindings of these shapes; where `filtered`, texture units interpolate fields of one texture.
+    pub(crate) fn text(&self, shapes: &[Shape], filtered: bool) -> Text {
         let mut prelude = self.recipe.prelude(WGSL, shapes) + &uniforms(self.recipe.params);
+        if filtered {
+            prelude += "@group(0) @binding(2) var linear: sampler;\n";
+        }
         for (index, shape) in shapes.iter().enumerate() {
             prelude += &match shape.kind {
                 ShapeKind::Read => buffer(shape, index, "read"),
                 ShapeKind::Write => buffer(shape, index, "read_write"),
-                ShapeKind::Field { slabs, .. } => texel(shape, index, slabs),
+                ShapeKind::Field { slabs, .. } => texel(shape, index, slabs) + &filter(shape, filtered && slabs == 1),
             };
         }
         Text::new(WGSL, &prelude, &self.recipe, shapes, helper, self.file)
@@ -112,7 +117,7 @@ pub(crate) fn slab_binding(index: usize, slab: u32) -> u32 {
 }
 
 /// The parameters, and where the dispatch stands.
-fn uniforms(params: &str) -> String {
+pub(crate) fn uniforms(params: &str) -> String {
     Launch::text(WGSL)
         + &format!("@group(0) @binding(0) var<uniform> params: {params};\n")
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
@@ -152,6 +157,23 @@ fn texel(shape: &Shape, index: usize, slabs: u32) -> String {
     out + "}\n"
 }
 
+/// Whether a texture unit interpolates a field, and the function by which it does.
+fn filter(shape: &Shape, filtered: bool) -> String {
+    let (name, value) = (shape.name, shape.element.name(WGSL));
+    let part = if shape.element == KernelElement::Scalar(KernelScalar::F32) { ".x" } else { "" };
+    // Within [0, last] of a layer the next layer has no weight.
+    let body = if filtered {
+        format!(
+            "    let place = vec3<f32>(p.xy, p.z + f32(layer * size.z)) + 0.5;\n    return textureSampleLevel({name}_0, \
+             linear, place / vec3<f32>(textureDimensions({name}_0)), 0.0){part};\n"
+        )
+    } else {
+        format!("    return texel_{name}(vec3<i32>(p), size, layer);\n")
+    };
+    let head = format!("fn filter_{name}(p: vec3<f32>, size: vec3<i32>, layer: i32) -> {value} {{\n");
+    WGSL.truth(&format!("filters_{name}"), filtered) + &head + &body + "}\n"
+}
+
 /// Units of the work axis that a workgroup of the kernel that publishes takes.
 pub(crate) const PUBLISH_UNITS: u32 = 64;
 
@@ -169,4 +191,4 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

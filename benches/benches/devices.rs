@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use airlight::Renderer;
 use airlight::device::Device;
-use airlight_benches::{Frame, Rig, STAGES, View, density, lattice, scene, trilinear_sum};
+use airlight_benches::{Frame, Rig, STAGES, View, density, gaussians, lattice, scene, trilinear_sum};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 
@@ -46,6 +46,24 @@ fn stages(criterion: &mut Criterion) {
             let (stage, elements, _) = rig.stage(name, &view).expect("its resources fit");
             group.throughput(Throughput::Elements(elements));
             group.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
+        }
+    }
+}
+
+/// Sums of many Gaussians: the lists that the host makes after they moved, and the stage (Giroud and Biri 2011, table 3).
+fn injections(criterion: &mut Criterion) {
+    for cells in [20, 64, 128] {
+        for count in [1, 125, 1000, 8000, 27_000] {
+            let mut group = group(criterion, &format!("inject/{count}-in-{cells}"));
+            group.throughput(Throughput::Elements(u64::from(cells).pow(3)));
+            let medium = gaussians(count, cells);
+            let moved = || medium.with(medium.blobs().to_vec()).expect("the same Gaussians");
+            group.bench_function("lists", |b| b.iter(|| moved().bins().list.len()));
+            for id in devices() {
+                let mut rig = Rig::new(open(&id)).expect("the density fits");
+                let (stage, _) = rig.inject(&medium).expect("its resources fit");
+                group.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
+            }
         }
     }
 }
@@ -102,5 +120,5 @@ fn baseline(criterion: &mut Criterion) {
     group.bench_function("safe-rust", |b| b.iter(|| trilinear_sum(&values, &view)));
 }
 
-criterion_group!(benches, baseline, stages, frames, prepare);
+criterion_group!(benches, baseline, stages, injections, frames, prepare);
 criterion_main!(benches);

@@ -89,6 +89,7 @@ pub fn scene(frame: Frame) -> Scene {
         medium: medium(),
         optics: Optics::grey(12.0, 0.9),
         environment: records.then(sky),
+        background: None,
         lights: if records { Vec::new() } else { sun(0.0).into_iter().collect() },
         estimate: Estimate {
             // The paper's form for light that changes: another light needs no other records.

@@ -8,7 +8,7 @@ mod stages;
 
 pub use baseline::trilinear_sum;
 pub use frames::{Frame, scene};
-pub use stages::{Rig, STAGES, View};
+pub use stages::{Rig, STAGES, View, gaussians};
 
 use std::sync::Arc;
 

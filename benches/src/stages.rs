@@ -4,11 +4,13 @@ use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
+use airlight::media::{Gaussian, Gaussians, Lattice, Medium};
+use airlight::random::{hash, unit};
 use airlight::scene::Camera;
 use airlight::stage::propagate::{self, scheme};
 use airlight::stage::{
-    GridParams, LightPlace, March, MarchParams, Project, ProjectParams, Propagate, PropagateParams, Reduce,
-    ReduceParams, Relight, RelightParams, Stage, shadow_kind,
+    BlobRecord, GridParams, Inject, InjectParams, LightPlace, March, MarchParams, Project, ProjectParams, Propagate,
+    PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Stage, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -23,7 +25,7 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 5] = ["reduce", "project", "propagate", "relight", "march"];
+pub const STAGES: [&str; 6] = ["inject", "reduce", "project", "propagate", "relight", "march"];
 
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
@@ -144,9 +146,27 @@ impl Rig {
             "propagate" => (self.propagate(), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
+            "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
         made.map(|(stage, elements)| (stage, elements, unit))
+    }
+
+    /// `inject` of a sum of Gaussians. Its elements are the voxels.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn inject(&mut self, medium: &Gaussians) -> Result<(Stage, u64), DeviceError> {
+        let (lattice, bins) = (medium.lattice(), medium.bins());
+        let stage = Inject {
+            params: InjectParams::new(inject_kind::GAUSSIANS, lattice, InjectParams::centered(lattice)).with_bins(bins),
+            base: None,
+            blobs: Some(self.fill(&BlobRecord::of(medium))?),
+            starts: Some(self.fill(&bins.starts)?),
+            list: Some(self.fill(&bins.list)?),
+            out: self.make(lattice.voxels(), Usage::Work)?,
+        };
+        Ok((Stage::Inject(stage), lattice.voxels()))
     }
 
     fn make<T: Pod>(&mut self, len: u64, usage: Usage) -> Result<Buf<T>, DeviceError> {
@@ -282,6 +302,19 @@ impl Rig {
         };
         Ok((Stage::March(stage), view.samples()))
     }
+}
+
+/// So many Gaussians, a cube number, on a jittered grid that fills a unit cube of `cells` a side: each is as wide as the
+/// grid's spacing, so that neighbours run into each other, as particles of smoke do.
+pub fn gaussians(count: u32, cells: u32) -> Gaussians {
+    let side = f64::from(count).cbrt().round() as u32;
+    let place = |n: u32, key: u32| f64::from(n) + f64::from(unit(hash([n, key, 1])));
+    let blob = |n: u32| {
+        let at = DVec3::new(place(n % side, n), place(n / side % side, n + 1), place(n / side / side, n + 2));
+        Gaussian { center: at / f64::from(side), a: f64::from(side), c: 1.0 }
+    };
+    let lattice = Lattice::of_cells(cells, DVec3::ZERO, DVec3::ONE).expect("a unit cube");
+    Gaussians::new((0..side.pow(3)).map(blob).collect(), lattice).expect("Gaussians in range")
 }
 
 fn four(v: DVec3) -> [f32; 4] {

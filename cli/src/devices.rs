@@ -53,7 +53,7 @@ fn text(info: &DeviceInfo) -> String {
         info.name,
         info.kind.as_str(),
         info.features.join(", "),
-    )
+    ) + &info.unusable.as_ref().map(|reason| format!("\n           cannot be opened: {reason}")).unwrap_or_default()
 }
 
 /// A device as JSON.
@@ -71,5 +71,6 @@ pub(crate) fn device(info: &DeviceInfo) -> Value {
         },
         "features": info.features,
         "filter_bits": info.filter_bits,
+        "unusable": info.unusable,
     })
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
-use airlight::scene::Scene;
+use airlight::scene::{Background, Scene};
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::load_scene;
 use airlight_formats::volume;
@@ -74,7 +74,7 @@ fn plain(value: &Value) -> String {
 
 fn scene(path: &Path) -> Result<Value, Failure> {
     let loaded = load_scene(path, &[])?;
-    let Scene { camera, medium, optics, environment, lights, estimate, quality } = &loaded.scene;
+    let Scene { camera, medium, optics, environment, background, lights, estimate, quality } = &loaded.scene;
     let mut field = density(medium.as_ref());
     let columns = field.remove("largest_column").and_then(|c| serde_json::from_value::<[f64; 3]>(c).ok());
     if let Some(columns) = columns {
@@ -100,6 +100,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "mean_cosine": optics.phase.moments(2)[1],
         },
         "environment": environment.as_ref().map(environment_values),
+        "background": background.as_ref().map(background_values),
         "light": lights.iter().map(light).collect::<Vec<_>>(),
         "estimate": {
             "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
@@ -165,6 +166,19 @@ fn environment_values(environment: &Environment) -> Value {
         "visible": environment.visible,
         "mean_radiance": environment.mean_radiance().to_array().map(number),
         "max_radiance": environment.max_radiance().to_array().map(number),
+    })
+}
+
+fn background_values(background: &Background) -> Value {
+    let surfaces: Vec<f64> =
+        background.depth().into_iter().flatten().filter(|d| **d < Background::FAR).map(|d| f64::from(*d)).collect();
+    let nearest = surfaces.iter().copied().reduce(f64::min);
+    json!({
+        "color": background.color().is_some(),
+        "depth": background.depth().is_some(),
+        "surfaces": surfaces.len(),
+        "nearest": nearest.map(number),
+        "farthest": surfaces.iter().copied().reduce(f64::max).map(number),
     })
 }
 

@@ -8,11 +8,12 @@ use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
 use airlight::scene::{
-    Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Opacity, Quality, Records, Scene, Shadow,
+    Background, Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Opacity, Quality, Records, Scene,
+    Shadow,
 };
 use libtest_mimic::Failed;
 
-use crate::fixtures::{camera, chromatic, grey, phases};
+use crate::fixtures::{camera, chromatic, grey, noise, phases};
 use crate::{Axis, Case, Record, Subject, check, tolerance};
 
 /// The box of every scene here, metres.
@@ -48,6 +49,21 @@ pub(crate) fn cases() -> Vec<Case> {
             "closed::white_sky_behind_a_black_medium",
             "A visible environment shines through a black box as its transmittance lets it.",
             behind,
+        ),
+        Case::new(
+            "closed::background",
+            "A background of colours and distances is seen through what a black box leaves before it.",
+            |s, r| background(s, r, true, true),
+        ),
+        Case::new(
+            "closed::background_without_colors",
+            "Surfaces without colours are black, and the environment is seen between them.",
+            |s, r| background(s, r, false, true),
+        ),
+        Case::new(
+            "closed::background_without_depth",
+            "A background of colours alone is seen behind a whole black box.",
+            |s, r| background(s, r, true, false),
         ),
     ];
     cases = cases.into_iter().map(|case| case.within(&tolerance::CLOSED)).collect();
@@ -89,6 +105,7 @@ fn fog(optics: Optics) -> Scene {
         medium: Arc::new(Homogeneous::new(DENSITY, BOX.min, BOX.max).expect("a box")),
         optics,
         environment: None,
+        background: None,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality::default(),
@@ -163,6 +180,47 @@ fn behind(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         .into_iter()
         .map(|(_, _, way)| [0, 1, 2].map(|c| [0.5, 1.0, 2.0][c] * transmittance(extinction(&scene, c) * way)));
     record.film("background", &film, expected);
+    Ok(())
+}
+
+/// A picture made elsewhere, whose surfaces stand before, within and behind a black medium, or nowhere; and an
+/// environment, which is seen only where there is neither colour nor surface.
+fn background(subject: &Subject, record: &mut Record, colored: bool, deep: bool) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.optics.albedo = Vec3::ZERO;
+    scene.environment = Some(Environment::uniform(Vec3::new(0.5, 1.0, 2.0))?);
+    let ways = ways(&scene, DMat3::IDENTITY);
+    let walls = |i: usize| BOX.clip(ways[i].0, ways[i].1);
+    let depth: Vec<f32> = (0..ways.len())
+        .map(|i| {
+            let (near, far) = walls(i).unwrap_or((1.0, 2.0));
+            [0.5 * near, near + 0.3 * (far - near), far + 0.1, f64::INFINITY, f64::from(f32::MAX)][i % 5] as f32
+        })
+        .collect();
+    let color: Vec<[f32; 3]> = noise(91, 3 * ways.len()).chunks_exact(3).map(|c| [c[0], 1.0 + c[1], c[2]]).collect();
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let given = (colored.then(|| color.clone()), deep.then(|| depth.clone()));
+    scene.background = Some(Background::new(width, height, given.0, given.1)?);
+    let film = subject.renderer()?.render(&scene)?.film;
+    let limit = |i: usize| if deep { f64::from(depth[i]) } else { f64::INFINITY };
+    let through = |i: usize| {
+        let way = walls(i).map_or(0.0, |(near, far)| (far.min(limit(i)) - near).max(0.0));
+        [0, 1, 2].map(|c| transmittance(extinction(&scene, c) * way))
+    };
+    let seen = |i: usize| match (colored, i % 5) {
+        (true, _) => color[i].map(f64::from),
+        (false, 0..=2) => [0.0; 3],
+        (false, _) => [0.5, 1.0, 2.0],
+    };
+    let left: Vec<_> = (0..ways.len()).map(through).collect();
+    record.hold(
+        "transmittance",
+        film.transmittance.iter().flatten().map(|v| f64::from(*v)),
+        left.iter().flatten().copied(),
+    );
+    record.film("background", &film, left.iter().enumerate().map(|(i, t)| [0, 1, 2].map(|c| seen(i)[c] * t[c])));
+    let within = (0..ways.len()).filter(|i| i % 5 == 1 && walls(*i).is_some()).count();
+    check!(within > 20, "only {within} surfaces stand within the medium");
     Ok(())
 }
 

@@ -138,6 +138,7 @@ pub(crate) fn cloud(map: Map, dims: UVec3, optics: Optics) -> Scene {
         medium: Arc::new(GridMedium::new(Arc::new(grid), None).expect("a density")),
         optics,
         environment: None,
+        background: None,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality::default(),

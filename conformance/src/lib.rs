@@ -27,8 +27,11 @@ pub mod columns;
 mod compare;
 mod contract;
 mod estimators;
+mod faults;
 mod fixtures;
+mod frames;
 mod keys;
+mod limits;
 pub mod pictures;
 mod record;
 mod report;
@@ -39,7 +42,7 @@ pub mod tolerance;
 mod truth;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use airlight::Renderer;
 use airlight::device::{Device, DeviceInfo};
@@ -89,9 +92,6 @@ impl Subject {
     /// # Errors
     /// What the device's maker says.
     pub fn open(&self) -> Result<Box<dyn Device>, Failed> {
-        // The first use of some runtimes is not safe on two threads at once.
-        static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-        let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         (self.open)().map_err(Failed::from)
     }
 
@@ -126,9 +126,12 @@ pub fn listed(variable: &str) -> Vec<String> {
 pub fn cases() -> Vec<Case> {
     let groups = [
         contract::cases(),
+        limits::cases(),
+        faults::cases(),
         stages::cases(),
         closed::cases(),
         columns::cases(),
+        frames::cases(),
         estimators::cases(),
         keys::cases(),
         pictures::cases(),

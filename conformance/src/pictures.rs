@@ -9,7 +9,7 @@ use std::time::Instant;
 use airlight::basis::SphericalHarmonics;
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
-use airlight::media::{GridMedium, Optics, Phase};
+use airlight::media::{Gaussian, Gaussians, GridMedium, Lattice, Optics, Phase};
 use airlight::scene::{
     Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Film, Interpolation, LightsEstimate, Opacity,
     Quality, Records, Scene, Shadow,
@@ -45,6 +45,26 @@ fn parts() -> Result<Parts, Failed> {
     Ok(PARTS.get_or_init(|| load().map_err(|e| crate::case::message(&e))).clone()?)
 }
 
+/// Cells along the longest side for the reference's Gaussians, whose narrowest are then six cells wide.
+const BLOB_CELLS: u32 = 144;
+
+/// The reference's Gaussians in the scene's box.
+fn blobs() -> Result<Arc<Gaussians>, Failed> {
+    let File { path, bytes } = truth::file("blobs.json")?;
+    let all: serde_json::Value = serde_json::from_slice(&bytes)?;
+    let medium = &all["medium"];
+    let bad = || Failed::from(format!("{} does not hold the reference's Gaussians", path.display()));
+    let list = |key: &str| medium[key].as_array().ok_or_else(bad);
+    let number = |value: &serde_json::Value| value.as_f64().ok_or_else(bad);
+    let mut blobs = Vec::new();
+    for ((a, b), c) in list("a")?.iter().zip(list("b")?).zip(list("c")?) {
+        let center = DVec3::new(number(&b[0])?, number(&b[1])?, number(&b[2])?);
+        blobs.push(Gaussian { center, a: number(a)?, c: number(c)? });
+    }
+    let (min, max) = (DVec3::new(-0.6, 0.0, -0.5), DVec3::new(0.6, 0.8, 0.5));
+    Ok(Arc::new(Gaussians::new(blobs, Lattice::of_cells(BLOB_CELLS, min, max)?)?))
+}
+
 /// The reference scene: grey, isotropic, unlit.
 ///
 /// # Errors
@@ -63,6 +83,7 @@ pub fn scene() -> Result<Scene, Failed> {
         medium: parts()?.medium,
         optics: Optics { albedo: Vec3::new(0.98, 0.9, 0.75), ..Optics::grey(16.0, 1.0) },
         environment: None,
+        background: None,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality { step: 0.5 },
@@ -320,6 +341,17 @@ fn lit() -> Vec<Picture> {
                 spot,
                 |_| (),
             )
+        },
+        Picture {
+            settings: format!("{BLOB_CELLS} cells, direct, shadow march, step 1 voxel"),
+            without_lamp: true,
+            scene: Box::new(move || {
+                let mut scene = scene()?;
+                (scene.medium, scene.optics) = (blobs()?, Optics::grey(8.0, 0.9));
+                (scene.lights, scene.quality.step) = (vec![lamp()], 1.0);
+                Ok(scene)
+            }),
+            ..direct("gaussians_point", "blobs_point_single.exr", lamp, |_| ())
         },
     ]
 }

@@ -52,6 +52,29 @@ tolerances! {
     /// As [`STAGE`], of means.
     MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }
 
+    /// Density that is made on the device, against its twin.
+    INJECT { 1e-5, 1e-5,
+        "f32 against f64: places are good to 2⁻²⁴ of half a metre, which Gaussians of up to 40/m and fog of 7 falloffs a \
+         metre turn into 2·10⁻⁶, and sums run over up to a thousand terms." }
+
+    /// As [`INJECT`], of noise.
+    INJECT_NOISE { 1e-4, 1e-3,
+        "Places are up to 256 cells, good to 1.5·10⁻⁵ of one after each of three sums; each of five octaves changes by \
+         about one a cell, at the steepest by three, and the contrast of three is as much again: 6·10⁻⁵ of values about one, \
+         and at the worst 10⁻³." }
+
+    /// Whole pictures against the processor's.
+    FRAME { 1e-5, f64::INFINITY,
+        "Devices decide alike and compute in 32-bit floats: they differ by units in the last place (6·10⁻⁸ each) in \
+         exp, in angles and in contraction, 5·10⁻⁷ as measured. Twenty times that leaves room for drivers whose exp and \
+         division are only as good as WGSL and OpenCL ask, and is far below what a mistake of placement costs on these \
+         scenes (a step or a cell off by one: per cents)." }
+
+    /// As [`FRAME`], of records that are not interpolated.
+    FRAME_NEAREST { 1e-3, f64::INFINITY,
+        "A sample within a rounding of the border of two cells takes either one's radiance, which differ by some tens of \
+         per cents: that moves one pixel by the share of one of its steps, 2·10⁻⁴ of the picture as measured." }
+
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }
 

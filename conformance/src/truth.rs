@@ -27,6 +27,8 @@ const FILES: &[(&str, &[u8])] = embedded![
     "density.nrrd",
     "env.exr",
     "sh_env.json",
+    "blobs.json",
+    "images/blobs_point_single.exr",
     "images/dir_hg0.7_single.exr",
     "images/dir_single.exr",
     "images/dir_single_chromatic.exr",

@@ -19,6 +19,9 @@ struct Books {
     created: Vec<u64>,
     destroyed: usize,
     dispatched: Vec<Range<u32>>,
+    /// How often the device was waited for, and how often work was only sent on its way.
+    waits: usize,
+    flushes: usize,
     /// Time that a unit of work takes.
     pace: Duration,
     fail: Option<Fail>,
@@ -53,6 +56,7 @@ impl Bookkeeper {
             limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048, loop_turns: None },
             features: Vec::new(),
             filter_bits: 24,
+            unusable: None,
         };
         let device = Self { info, books: Arc::clone(&books), memory: HashMap::new(), times: Vec::new() };
         (Executor::new(Box::new(device)), books)
@@ -127,8 +131,15 @@ impl Device for Bookkeeper {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         let times = std::mem::take(&mut self.times);
+        self.books.lock().unwrap().waits += 1;
         self.fails(Fail::Finish)?;
         Ok(times)
+    }
+
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.times.clear();
+        self.books.lock().unwrap().flushes += 1;
+        Ok(())
     }
 }
 
@@ -324,6 +335,27 @@ fn cancellation_stops_at_the_next_piece_and_leaves_nothing_valid() {
 }
 
 #[test]
+fn pieces_that_take_too_long_are_faults_and_teach_the_pace() {
+    let (mut executor, books) = Bookkeeper::executor(None);
+    books.lock().unwrap().pace = Duration::from_millis(2);
+    // The first piece, 16 units, takes 32 ms; later ones are cut to a quarter of what they are given.
+    let patience = Duration::from_millis(31);
+    executor.set_patience(Some(patience));
+    let error = run(&mut executor, 3.0, 0.0).map(|_| ()).unwrap_err();
+    let expected = DeviceError::Timeout { stage: "relight", patience };
+    let expected = ExecError::Device { device: "bookkeeper".into(), stage: "relight".into(), error: expected };
+    assert_eq!(error, expected);
+    assert_eq!(error.to_string(), "bookkeeper: relight: relight took longer than the 31ms that it was given");
+    let (out, _) = run(&mut executor, 3.0, 0.0).unwrap();
+    assert!(out.iter().flatten().all(|v| *v == 5.0));
+    assert!(books.lock().unwrap().dispatched[1..].iter().all(|range| range.len() <= 3));
+    // Without a limit the first piece of a new pace is as long as it is.
+    executor.set_patience(None);
+    books.lock().unwrap().pace = Duration::from_secs(1);
+    run(&mut executor, 4.0, 0.0).unwrap();
+}
+
+#[test]
 fn faults_carry_device_and_stage_and_leave_nothing_valid() {
     for (fail, stage) in [
         (Fail::Create, "allocating light"),
@@ -346,6 +378,59 @@ fn faults_carry_device_and_stage_and_leave_nothing_valid() {
         let (out, report) = run(&mut executor, 3.0, 0.0).unwrap();
         assert!(out.iter().flatten().all(|v| *v == 5.0));
         assert_eq!(ran(&report), [true, true], "after a fault nothing that was written counts");
+    }
+}
+
+fn submit(executor: &mut Executor, value: f32) -> Result<(Buf<[f32; 4]>, Report), ExecError> {
+    executor.submit(&mut Hooks::default(), |plan| chain(plan, value, 0.0))
+}
+
+#[test]
+fn what_is_submitted_is_waited_for_until_its_pace_is_known() {
+    let (mut executor, books) = Bookkeeper::executor(None);
+    submit(&mut executor, 3.0).unwrap();
+    let waits = books.lock().unwrap().waits;
+    assert!(waits >= 2, "the first piece and the end of the first run are waited for: {waits}");
+    assert_eq!(books.lock().unwrap().flushes, 0);
+    for (value, expected) in [(3.0, false), (4.0, true), (5.0, true), (5.0, false)] {
+        let (out, report) = submit(&mut executor, value).unwrap();
+        assert_eq!(ran(&report), [expected; 2]);
+        assert!(report.stages.iter().all(|stage| stage.time == Duration::ZERO));
+        assert!(executor.read(out).unwrap().iter().flatten().all(|v| *v == value + 2.0));
+    }
+    let books = books.lock().unwrap();
+    assert_eq!((books.waits, books.flushes), (waits, 4));
+}
+
+#[test]
+fn after_a_late_fault_nothing_counts_that_was_not_waited_for() {
+    let (mut executor, books) = Bookkeeper::executor(None);
+    run(&mut executor, 3.0, 0.0).unwrap();
+    submit(&mut executor, 4.0).unwrap();
+    // Nothing is left to do but to wait, and the fault of what was submitted shows.
+    books.lock().unwrap().fail = Some(Fail::Finish);
+    assert!(run(&mut executor, 4.0, 0.0).is_err());
+    books.lock().unwrap().fail = None;
+    let (out, report) = run(&mut executor, 4.0, 0.0).unwrap();
+    assert!(out.iter().flatten().all(|v| *v == 6.0));
+    assert_eq!((ran(&report), report.uploads), (vec![true, true], vec!["light".to_owned()]));
+    // What was waited for stands.
+    submit(&mut executor, 4.0).unwrap();
+    assert!(run(&mut executor, 4.0, 0.0).unwrap().1.ran().is_empty());
+}
+
+#[test]
+fn what_lies_on_the_device_is_asked_for_when_its_content_changes() {
+    let (mut executor, _) = Bookkeeper::executor(None);
+    for (content, asked) in [(1, true), (1, false), (2, true)] {
+        let build = |plan: &mut Plan<'_>| -> Result<Buf<f32>, ExecError> {
+            Ok(plan.external("elsewhere", 3, &content, move |device, buf| {
+                device.write(buf.id, 4, bytemuck::cast_slice(&[content as f32]))
+            }))
+        };
+        let (buf, report) = executor.run(&mut Hooks::default(), build).unwrap();
+        assert_eq!(report.uploads.len(), usize::from(asked));
+        assert_eq!(executor.read(buf).unwrap(), [0.0, content as f32, 0.0]);
     }
 }
 

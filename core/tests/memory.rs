@@ -22,8 +22,17 @@ impl Ledger {
     fn open(kind: DeviceKind, memory_bytes: Option<u64>, total: u64) -> (Box<dyn Device>, Arc<Mutex<u64>>) {
         let limits = Limits { buffer_bytes: u64::MAX, binding_bytes: u64::MAX, field_side: u32::MAX, loop_turns: None };
         let (name, features) = ("ledger".to_owned(), Vec::new());
-        let info =
-            DeviceInfo { backend: "ledger", index: 0, name, kind, memory_bytes, limits, features, filter_bits: 24 };
+        let info = DeviceInfo {
+            backend: "ledger",
+            index: 0,
+            name,
+            kind,
+            memory_bytes,
+            limits,
+            features,
+            filter_bits: 24,
+            unusable: None,
+        };
         let taken = Arc::new(Mutex::new(0));
         (Box::new(Self { info, total, taken: taken.clone(), sizes: Vec::new() }), taken)
     }

@@ -91,7 +91,7 @@ pub fn choose_among(providers: &[Provider], choice: &str) -> Result<Chosen, NoDe
         by_id.or_else(by_name).into_iter().collect()
     };
     // Among equals the order of the backends and of their devices stays.
-    candidates.sort_by_key(|(_, info)| rank(info.kind));
+    candidates.sort_by_key(|(_, info)| (info.unusable.is_some(), rank(info.kind)));
     if wanted != "auto" {
         candidates.truncate(1);
     }

@@ -23,6 +23,7 @@
 //!     medium: Arc::new(Homogeneous::new(1.0, DVec3::ZERO, DVec3::ONE)?),
 //!     optics: Optics::grey(3.0, 0.9), // extinction in 1/m, albedo
 //!     environment: Some(Environment::uniform(Vec3::splat(0.5))?),
+//!     background: None,
 //!     lights: vec![Light::directional(DVec3::new(0.3, 1.0, 0.2), Vec3::splat(2.0))?],
 //!     estimate: Estimate::default(),
 //!     quality: Quality::default(),
@@ -41,7 +42,13 @@
 //! # }
 //! ```
 //!
+//! With the feature `wgpu`, an engine lays a medium over what it drew on its own device, without a copy to the host: see
+//! `airlight::engine` and `examples/overlay`.
+//!
 //! Files are read and written by `airlight-formats`; the program `airlight` puts both together.
+
+#[cfg(feature = "wgpu")]
+pub use airlight_wgpu::{engine, wgpu};
 
 pub use airlight_core::*;
 pub use exec::Renderer;

@@ -78,7 +78,10 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
             table: &tables[p.phase_at as usize..][..p.phase_size as usize],
         },
         tables,
-        environment: read.opt(stage.environment)?,
+        environment: match stage.environment {
+            Some(field) => bytemuck::cast_slice(read.field(field)?),
+            None => &[],
+        },
         surface: read.opt(stage.surface)?,
         grey: p.extinction[0] == p.extinction[1] && p.extinction[1] == p.extinction[2],
     };
@@ -486,6 +489,12 @@ fn sky_row(inputs: &Inputs<'_>, i: F, j: F, f: F) -> [F; 3] {
     let column: [usize; LANES] = lanes!(l => (i.0[l] + 1.0) as usize + width - 1);
     let a: [usize; LANES] = lanes!(l => start[l] + column[l] % width);
     let b: [usize; LANES] = lanes!(l => start[l] + (column[l] + 1) % width);
-    let texel = inputs.environment;
-    triple!(c => lerp(F(lanes!(l => texel[a[l]][c])), F(lanes!(l => texel[b[l]][c])), f))
+    let (a, b) = (sky_texel(inputs, a), sky_texel(inputs, b));
+    triple!(c => lerp(a[c], b[c], f))
+}
+
+/// Texels of the environment, counted row by row. Folded into a field they lie as they are counted.
+#[inline(always)]
+fn sky_texel(inputs: &Inputs<'_>, n: [usize; LANES]) -> [F; 3] {
+    triple!(c => F(lanes!(l => inputs.environment[n[l]][c])))
 }

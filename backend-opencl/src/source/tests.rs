@@ -1,7 +1,9 @@
 //! What can be said of kernels without a device: a small reader of the generated text, beside the stages.
 
 use airlight_core::device::KernelScalar;
-use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples};
+use airlight_core::stage::{
+    BlobRecord, InjectParams, LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples,
+};
 
 use super::*;
 
@@ -99,6 +101,8 @@ fn structs_lie_in_opencl_as_in_rust() {
     check::<RelightParams>();
     check::<MarchParams>();
     check::<LightRecord>();
+    check::<InjectParams>();
+    check::<BlobRecord>();
     check::<Launch>();
 }
 

@@ -1,7 +1,9 @@
 //! What can be said of kernels without a device, by wgpu's own reader of WGSL.
 
 use airlight_core::device::KernelField;
-use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples};
+use airlight_core::stage::{
+    BlobRecord, InjectParams, LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples,
+};
 use naga::AddressSpace;
 
 use super::*;
@@ -11,7 +13,7 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
 }
 
 /// Reads and validates a kernel; faults name their file and line.
-fn module(text: &Text) -> Result<naga::Module, String> {
+pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
         let line = error.location(&text.whole).map_or(0, |at| at.line_number as usize);
         format!("{:?}: {}", text.place(line), error.message())
@@ -31,8 +33,10 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
     for full in [true, false] {
         for stage in &examples(full) {
             for slabs in [1, 2, MAX_SLABS] {
-                if let Err(error) = module(&of(stage).text(&shapes(stage, slabs))) {
-                    panic!("{} {full} {slabs}: {error}", stage.name());
+                for filtered in [false, true] {
+                    if let Err(error) = module(&of(stage).text(&shapes(stage, slabs), filtered)) {
+                        panic!("{} {full} {slabs} {filtered}: {error}", stage.name());
+                    }
                 }
             }
         }
@@ -46,7 +50,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
 fn every_stage_has_a_kernel_of_its_name() {
     for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
         assert_eq!((stage.name(), of(stage).name), (name, name));
-        let module = module(&of(stage).text(&shapes(stage, 1))).unwrap();
+        let module = module(&of(stage).text(&shapes(stage, 1), false)).unwrap();
         assert_eq!(module.entry_points[0].name, name);
         // One workgroup takes a workgroup's invocations' worth of units, or they share one.
         let size: u32 = module.entry_points[0].workgroup_size.iter().product();
@@ -59,7 +63,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 fn kernels_bind_what_their_stages_list_under_the_same_names() {
     for stage in &examples(true) {
         let shapes = shapes(stage, 2);
-        let module = module(&of(stage).text(&shapes)).unwrap();
+        let module = module(&of(stage).text(&shapes, false)).unwrap();
         let global = |group, binding| {
             let at = Some(naga::ResourceBinding { group, binding });
             module.global_variables.iter().map(|(_, global)| global).find(|global| global.binding == at)
@@ -90,6 +94,53 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 }
 
 #[test]
+fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
+    let limits = crate::adapter::required_limits();
+    let mut texts: Vec<_> = examples(true).iter().map(|stage| of(stage).text(&shapes(stage, 1), false)).collect();
+    texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(publish_text));
+    texts.extend(crate::engine::kernels());
+    let mut most = [0; 6];
+    for text in texts {
+        let module = module(&text).unwrap_or_else(|error| panic!("{error}"));
+        let mut needs = [0; 6];
+        for (_, global) in module.global_variables.iter() {
+            let kind = match (global.space, &module.types[global.ty].inner) {
+                (AddressSpace::Uniform, _) => 0,
+                (AddressSpace::Storage { .. }, _) => 1,
+                (_, naga::TypeInner::Image { class: naga::ImageClass::Storage { .. }, .. }) => 3,
+                (_, naga::TypeInner::Image { .. }) => 2,
+                (AddressSpace::WorkGroup, _) => {
+                    let mut layouter = naga::proc::Layouter::default();
+                    layouter.update(module.to_ctx()).unwrap();
+                    needs[4] += layouter[global.ty].size.next_multiple_of(16);
+                    continue;
+                }
+                _ => continue,
+            };
+            needs[kind] += 1;
+            let binding = global.binding.expect("a resource");
+            assert!(binding.group < limits.max_bind_groups);
+            needs[5] = needs[5].max(binding.binding + 1);
+        }
+        for (most, need) in most.iter_mut().zip(needs) {
+            *most = need.max(*most);
+        }
+        let [x, y, z] = module.entry_points[0].workgroup_size;
+        assert!(x <= limits.max_compute_workgroup_size_x && y <= limits.max_compute_workgroup_size_y);
+        assert!(z == 1 && x * y <= limits.max_compute_invocations_per_workgroup);
+    }
+    let asked = [
+        limits.max_uniform_buffers_per_shader_stage,
+        limits.max_storage_buffers_per_shader_stage,
+        limits.max_sampled_textures_per_shader_stage,
+        limits.max_storage_textures_per_shader_stage,
+        limits.max_compute_workgroup_storage_size,
+    ];
+    assert_eq!(most[..5], asked, "what is asked for is what is needed");
+    assert!(most[5] <= limits.max_bindings_per_bind_group, "{most:?}");
+}
+
+#[test]
 fn structs_lie_in_wgsl_as_in_rust() {
     fn check<T: KernelStruct>() {
         let text = format!("{}@group(0) @binding(0) var<uniform> value: {};\n", T::text(WGSL), T::NAME);
@@ -107,14 +158,18 @@ fn structs_lie_in_wgsl_as_in_rust() {
     check::<RelightParams>();
     check::<MarchParams>();
     check::<LightRecord>();
+    check::<InjectParams>();
+    check::<BlobRecord>();
     check::<Launch>();
     check::<PublishParams>();
+    check::<crate::engine::ImportParams>();
+    check::<crate::engine::ExportParams>();
 }
 
 #[test]
 fn faults_name_the_file_and_line_they_stand_in() {
     let stage = &examples(true)[3];
-    let mut text = of(stage).text(&shapes(stage, 1));
+    let mut text = of(stage).text(&shapes(stage, 1), false);
     let lines = helper(Helper::Segment).text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
     text.whole = text.whole.replace("exp(-tau)", "no_such_function(-tau)");
     let error = module(&text).unwrap_err();

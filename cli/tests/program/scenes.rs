@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use airlight_formats::image::{Exr, read_exr_channels, write_exr_channels};
+
 use crate::workbench::{FOG, Workbench};
 
 /// The fog with `from` replaced by `to` must be refused with `words`.
@@ -147,4 +149,29 @@ fn bad_usage_is_told() {
         bench.refused(arguments, 2, &["Usage"]);
     }
     bench.refused(["render", "x.toml", "--frobnicate"], 2, &["--frobnicate"]);
+}
+
+#[test]
+fn a_background_stands_behind_the_medium_and_must_be_of_its_size() {
+    let bench = Workbench::new();
+    let scene = bench.path("fog.toml");
+    let depth = |name: &str, value: f32, width: u32| {
+        let channels = vec![("Z".to_owned(), vec![value; width as usize * 16])];
+        let exr = Exr { width, height: 16, channels, metadata: Vec::new() };
+        write_exr_channels(&bench.path(name), exr).unwrap();
+    };
+    // Surfaces at the eye hide the medium, and those behind it do not.
+    for (name, value, hidden) in [("near.exr", 0.0, true), ("far.exr", 9.0, false)] {
+        depth(name, value, 24);
+        let text = FOG.to_owned() + &format!("\n[background]\ndepth = \"{name}\"\n");
+        let path = bench.write("behind.toml", text);
+        bench.run(["render".as_ref(), path.as_os_str(), "-o".as_ref(), "out.exr".as_ref()]).well();
+        let film = read_exr_channels(&bench.out().join("out.exr")).unwrap();
+        assert_eq!(film.channel("A").unwrap().iter().all(|a| *a == 0.0), hidden, "{name}");
+        std::fs::remove_file(bench.out().join("out.exr")).unwrap();
+    }
+    depth("wide.exr", 1.0, 25);
+    let set = "background.depth=wide.exr";
+    let words = &["background.depth", "25 × 16", "24 × 16"];
+    bench.refused(["render".as_ref(), scene.as_os_str(), "--set".as_ref(), set.as_ref()], 2, words);
 }

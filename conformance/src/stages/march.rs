@@ -154,6 +154,8 @@ fn host(set: &Set) -> Host {
         (p.environment_width, p.environment_height) = (sky.image().width, sky.image().height);
         p.environment = [1.5, 1.0, 0.5, (rotation / 360.0).rem_euclid(1.0)];
         environment = sky.image().texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect();
+        // Sides that the picture's have nothing in common with.
+        p.environment_dims = [5, 7, 4, 0];
     }
     let pixels = (camera.width * camera.height) as usize;
     // Before, within and behind the medium, and nowhere.
@@ -200,7 +202,13 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         occupancy: None,
         lights: some(&host.lights, |v| bench.buf(v))?,
         tables: bench.buf(&host.tables)?,
-        environment: some(&host.environment, |v| bench.buf(v))?,
+        environment: some(&host.environment, |v| {
+            let [x, y, z, _] = host.params.environment_dims;
+            let mut texels = v.to_vec();
+            // What is past the end must not be seen.
+            texels.resize((x * y * z) as usize, [1e9; 4]);
+            bench.colors([x, y, z], 1, &texels)
+        })?,
         surface: some(&host.surface, |v| bench.buf(v))?,
         paths: Some(bench.room(2 * (host.params.width * host.params.height) as usize, Usage::Work)?),
         film,

@@ -1,5 +1,6 @@
 //! Each stage against its twin.
 
+mod inject;
 mod march;
 mod march_cases;
 mod project;
@@ -13,7 +14,14 @@ use crate::bench::cuts;
 use crate::{Case, Record, Subject, Tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    let all = [reduce::cases(), project::cases(), propagate::cases(), relight::cases(), march_cases::cases()];
+    let all = [
+        inject::cases(),
+        reduce::cases(),
+        project::cases(),
+        propagate::cases(),
+        relight::cases(),
+        march_cases::cases(),
+    ];
     all.into_iter().flatten().collect()
 }
 

@@ -74,6 +74,10 @@ impl BufferElement for f32 {
     const ELEMENT: KernelElement = KernelElement::Scalar(KernelScalar::F32);
 }
 
+impl BufferElement for u32 {
+    const ELEMENT: KernelElement = KernelElement::Scalar(KernelScalar::U32);
+}
+
 impl BufferElement for [f32; 2] {
     const ELEMENT: KernelElement = KernelElement::F32x2;
 }

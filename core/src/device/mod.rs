@@ -4,12 +4,14 @@
 //! of [`Stage`]s in order. It knows nothing of scenes, estimators or caching. A backend exports a [`Provider`].
 
 mod bytes;
+mod check;
 mod decorate;
 mod kernel;
 mod resource;
 mod slabs;
 mod text;
 
+use std::any::Any;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -19,7 +21,7 @@ pub use kernel::{
     BufferElement, KernelElement, KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout,
 };
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
-pub use slabs::Slabs;
+pub use slabs::{Slabs, fold};
 pub use text::{Helper, KernelFile, KernelLanguage, KernelText, Recipe, Shape, ShapeKind};
 
 use crate::stage::Stage;
@@ -28,7 +30,7 @@ use crate::stage::Stage;
 ///
 /// Calls are in order: a stage sees all that was written and dispatched before it. `dispatch` may return before the
 /// work is done; `read` and `finish` wait. After [`DeviceError::Lost`] every call fails with it.
-pub trait Device: Send {
+pub trait Device: Any + Send {
     /// What the device is and can do.
     fn info(&self) -> &DeviceInfo;
 
@@ -77,6 +79,38 @@ pub trait Device: Send {
     /// # Errors
     /// A fault of the work so far.
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError>;
+
+    /// Sends all work on its way without waiting for it, and forgets the times of the dispatches since the last call of
+    /// this or of [`Device::finish`]. Faults may surface in a later call. By default it waits.
+    ///
+    /// # Errors
+    /// A fault of the work so far.
+    fn flush(&mut self) -> Result<(), DeviceError> {
+        self.finish().map(drop)
+    }
+
+    /// How long the device may let its caller wait for one dispatch; none for as long as it takes. When a call has
+    /// waited longer, it fails with [`DeviceError::Timeout`], and where the work could not be stopped, the device is
+    /// lost: its queue cannot be trusted any more. A device that works within `dispatch` cannot give up, has no use for
+    /// this and need not implement it: its caller sees the time.
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        let _ = patience;
+    }
+
+    /// Keeps from now on to limits no larger than these, where it cuts what exceeds them, so that its cuts can be tried
+    /// on small data. To be called before anything is created. Gives whether it does; a device that cuts nothing has
+    /// nothing to try.
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        let _ = limits;
+        false
+    }
+}
+
+impl dyn Device {
+    /// The device itself, where it is a `D`: what a backend offers beyond this trait.
+    pub fn downcast_mut<D: Device>(&mut self) -> Option<&mut D> {
+        (self as &mut dyn Any).downcast_mut()
+    }
 }
 
 /// The time one dispatch took on the device.
@@ -136,6 +170,18 @@ pub struct Limits {
     pub loop_turns: Option<u32>,
 }
 
+impl Limits {
+    /// The smaller of each.
+    pub fn min(&self, other: &Self) -> Self {
+        Self {
+            buffer_bytes: self.buffer_bytes.min(other.buffer_bytes),
+            binding_bytes: self.binding_bytes.min(other.binding_bytes),
+            field_side: self.field_side.min(other.field_side),
+            loop_turns: self.loop_turns.into_iter().chain(other.loop_turns).min(),
+        }
+    }
+}
+
 /// What a device is and can do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceInfo {
@@ -155,6 +201,8 @@ pub struct DeviceInfo {
     pub features: Vec<String>,
     /// Bits of a filter weight between two texels of a field; 24 is a filter in 32-bit floats.
     pub filter_bits: u32,
+    /// Why it is there and cannot be opened.
+    pub unusable: Option<String>,
 }
 
 impl DeviceInfo {
@@ -192,6 +240,14 @@ pub enum DeviceError {
     /// A call that does not fit the resources: a bug in the caller.
     #[error("invalid use of the device: {0}")]
     Invalid(String),
+    /// A dispatch that took too long ([`Device::set_patience`]).
+    #[error("{stage} took longer than the {patience:?} that it was given")]
+    Timeout {
+        /// Name of the stage, or what else was waited for.
+        stage: &'static str,
+        /// How long it was waited for.
+        patience: Duration,
+    },
     /// The backend's own fault, in its words.
     #[error("{0}")]
     Backend(String),
@@ -212,7 +268,7 @@ pub struct Provider {
     pub name: &'static str,
     /// The backend's devices, or why it has none. Never panics, and loads the backend's runtime only here.
     pub enumerate: fn() -> Result<Vec<DeviceInfo>, Unavailable>,
-    /// Opens the device of an index that `enumerate` gave.
+    /// Opens the device of an index that `enumerate` gave. May be called on several threads at once, as `enumerate`.
     pub open: fn(usize) -> Result<Box<dyn Device>, Unavailable>,
 }
 

@@ -38,9 +38,38 @@ impl Slabs {
     }
 }
 
+/// Texels along x, y and z of a field that holds `len` texels of a list one after the other, x fastest, then y, then z:
+/// for a list that may be longer than a binding, because fields are cut and buffers that are read as a whole are not.
+/// Rows and slices are of `side` texels and rows, or fewer where the list is shorter; the last slice may be longer than
+/// what is left.
+pub fn fold(len: u64, side: u32) -> [u32; 3] {
+    let side = u64::from(side.max(1));
+    let rows = len.div_ceil(side);
+    let up = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
+    [up(len.min(side)), up(rows.min(side)), up(rows.div_ceil(side))]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folded_list_fits_and_wastes_less_than_a_slice() {
+        assert_eq!(fold(1, 256), [1, 1, 1]);
+        assert_eq!(fold(200, 256), [200, 1, 1]);
+        assert_eq!(fold(256 * 3 + 1, 256), [256, 4, 1]);
+        assert_eq!(fold(8192 * 4096, 256), [256, 256, 512]);
+        for len in [1u64, 7, 63, 64, 65, 511, 512, 513, 4095] {
+            for side in [1, 3, 8] {
+                let [x, y, z] = fold(len, side).map(u64::from);
+                assert!(x * y * z >= len && x * y * (z - 1) < len, "{len} {side}");
+                assert!(x <= side.into() && y <= side.into());
+                // The place of a texel is found by the sides alone.
+                let last = len - 1;
+                assert!(last / (x * y) < z && last / x % y < y);
+            }
+        }
+    }
 
     #[test]
     fn every_slice_lies_in_one_slab() {

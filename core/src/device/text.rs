@@ -5,9 +5,11 @@
 
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
+use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, PropagateParams,
-    Reduce, ReduceParams, RelightParams, Stage, propagate::scheme, shadow_kind,
+    BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project,
+    ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, Stage, inject_kind, propagate::scheme,
+    shadow_kind,
 };
 
 /// A language of kernels.
@@ -72,12 +74,22 @@ pub enum Helper {
     Harmonics,
     /// Light along a short piece of a ray.
     Segment,
+    /// Fractal gradient noise.
+    Noise,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 7] =
-        [Self::Field, Self::Maximum, Self::Sample, Self::Angle, Self::Phase, Self::Harmonics, Self::Segment];
+    pub const ALL: [Self; 8] = [
+        Self::Field,
+        Self::Maximum,
+        Self::Sample,
+        Self::Angle,
+        Self::Phase,
+        Self::Harmonics,
+        Self::Segment,
+        Self::Noise,
+    ];
 
     /// Name of its file, without the language's ending.
     pub fn name(self) -> &'static str {
@@ -89,6 +101,7 @@ impl Helper {
             Self::Phase => "phase",
             Self::Harmonics => "harmonics",
             Self::Segment => "segment",
+            Self::Noise => "noise",
         }
     }
 }
@@ -137,6 +150,13 @@ const MARCH: Recipe = Recipe {
     helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Segment],
 };
 
+const INJECT: Recipe = Recipe {
+    params: InjectParams::NAME,
+    structs: &[InjectParams::text, BlobRecord::text],
+    per_field: &[],
+    helpers: &[Helper::Noise],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -146,6 +166,7 @@ impl Recipe {
             Stage::Propagate(_) => PROPAGATE,
             Stage::Relight(_) => RELIGHT,
             Stage::March(_) => MARCH,
+            Stage::Inject(_) => INJECT,
         }
     }
 
@@ -167,11 +188,17 @@ impl Recipe {
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
             ("LANES", Project::LANES),
+            ("BRICK", Inject::BRICK),
+            ("INJECT_GAUSSIANS", inject_kind::GAUSSIANS),
+            ("INJECT_HEIGHT_FOG", inject_kind::HEIGHT_FOG),
+            ("NOISE_PERIOD", FractalNoise::PERIOD),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);
         }
-        out += &language.float("REDUCE_SLACK", Reduce::SLACK);
+        for (name, value) in [("REDUCE_SLACK", Reduce::SLACK), ("INJECT_FAR", Inject::FAR), ("DENSITY_MAX", LARGEST)] {
+            out += &language.float(name, value);
+        }
         for shape in shapes {
             out += &language.truth(&format!("has_{}", shape.name), shape.present);
         }

@@ -1,6 +1,6 @@
 //! Runs plans on a device and keeps what they made.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -74,7 +74,18 @@ pub struct Executor {
     /// Seconds a unit of a stage's work axis took the last time.
     pace: HashMap<&'static str, f64>,
     budget: Option<u64>,
+    patience: Option<Duration>,
     frame: u64,
+    /// What was written since the device was last waited for: a fault may still surface.
+    unproven: HashSet<ResourceId>,
+}
+
+/// Whether a run waits for the device.
+#[derive(Clone, Copy, PartialEq)]
+enum End {
+    Wait,
+    /// Where the pace of every stage is known.
+    Leave,
 }
 
 /// A dispatch is cut so that its pieces take about this long: well under any GPU's watchdog.
@@ -86,7 +97,16 @@ impl Executor {
     /// An executor of plans on `device`.
     pub fn new(device: Box<dyn Device>) -> Self {
         let budget = device.info().memory_bytes.map(most_of);
-        Self { device, slots: Slots::default(), held: HashMap::new(), pace: HashMap::new(), budget, frame: 0 }
+        Self {
+            device,
+            slots: Slots::default(),
+            held: HashMap::new(),
+            pace: HashMap::new(),
+            budget,
+            patience: None,
+            frame: 0,
+            unproven: HashSet::new(),
+        }
     }
 
     /// The device.
@@ -94,10 +114,25 @@ impl Executor {
         self.device.as_ref()
     }
 
+    /// The device, for what it offers beyond the trait. Resources of plans are the executor's own: what is made or
+    /// destroyed beside them must bear other ids.
+    pub fn device_mut(&mut self) -> &mut dyn Device {
+        self.device.as_mut()
+    }
+
     /// Sets how many bytes a plan's resources may take; by default nine tenths of the device's memory. What the device
     /// has free at the time bounds it further.
     pub fn set_budget(&mut self, bytes: u64) {
         self.budget = Some(bytes);
+    }
+
+    /// Sets how long a piece of a stage may take; by default there is no limit. What takes longer fails with
+    /// [`DeviceError::Timeout`], and the device is lost where it could not stop the work. A stage is cut into pieces of
+    /// about 50 ms, or of a quarter of this where that is less, but the first piece that a device ever runs of it is a
+    /// 64th. A device that works while it is called (the processor) is not interrupted within a piece.
+    pub fn set_patience(&mut self, patience: Option<Duration>) {
+        self.patience = patience;
+        self.device.set_patience(patience);
     }
 
     /// Lets `build` make a plan and runs it. What `build` returns comes back with the report.
@@ -110,23 +145,47 @@ impl Executor {
         hooks: &mut Hooks<'_>,
         build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
     ) -> Result<(R, Report), E> {
-        let Self { device, slots, held, pace, budget, frame } = self;
+        self.run_until(End::Wait, hooks, build)
+    }
+
+    /// As [`Executor::run`], without waiting for the device: the work is on its way when this returns, no time is known,
+    /// and a fault may surface in a later call, which then trusts nothing that was written in between. A run in which a
+    /// stage runs for the first time waits all the same, to learn how long it takes.
+    ///
+    /// # Errors
+    /// As [`Executor::run`].
+    pub fn submit<'a, R, E: From<ExecError>>(
+        &'a mut self,
+        hooks: &mut Hooks<'_>,
+        build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
+    ) -> Result<(R, Report), E> {
+        self.run_until(End::Leave, hooks, build)
+    }
+
+    fn run_until<'a, R, E: From<ExecError>>(
+        &'a mut self,
+        end: End,
+        hooks: &mut Hooks<'_>,
+        build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
+    ) -> Result<(R, Report), E> {
+        let Self { device, slots, held, pace, budget, patience, frame, unproven } = self;
         *frame += 1;
-        let mut plan = Plan::new(slots, *frame, device.info().limits.loop_turns);
+        let mut plan = Plan::new(slots, *frame, device.info().limits);
         let result = build(&mut plan)?;
-        let mut run = Run { device: device.as_mut(), held, pace, report: Report::default(), pending: Vec::new() };
+        let (device, report, pending) = (device.as_mut(), Report::default(), Vec::new());
+        let mut run = Run { device, held, pace, patience: *patience, report, pending, learns: false };
         run.allocate(&plan, *budget)?;
         let Plan { slots, nodes, states, .. } = plan;
-        let mut written = Vec::new();
-        let done = run.nodes(nodes, &slots.names, hooks, &mut written).and_then(|()| run.finish());
-        if let Err(error) = done {
-            // What was dispatched before the fault still ends, and its times are not the next run's.
-            let _ = run.device.finish();
-            // Faults may surface late, so nothing that this run wrote is trusted.
-            for id in written {
-                run.held.entry(id).and_modify(|h| h.key = None);
+        let done = run.nodes(nodes, &slots.names, hooks, unproven).and_then(|()| run.end(end));
+        match done {
+            Ok(waited) if waited => unproven.clear(),
+            Ok(_) => {}
+            Err(error) => {
+                // What was dispatched before the fault still ends, and its times are not the next run's.
+                let _ = run.device.finish();
+                distrust(run.held, unproven);
+                return Err(error.into());
             }
-            return Err(error.into());
         }
         for state in states {
             let swapped = slots.swapped.entry(state).or_default();
@@ -142,7 +201,10 @@ impl Executor {
     pub fn read_into<T: bytemuck::Pod>(&mut self, buf: Buf<T>, first: u64, out: &mut [T]) -> Result<(), ExecError> {
         let offset = first.saturating_mul(size_of::<T>() as u64);
         let read = self.device.read(buf.id, offset, bytemuck::cast_slice_mut(out));
-        read.map_err(|error| self.reading(error))
+        read.map_err(|error| {
+            distrust(&mut self.held, &mut self.unproven);
+            self.reading(error)
+        })
     }
 
     fn reading(&self, error: DeviceError) -> ExecError {
@@ -169,6 +231,13 @@ impl Executor {
     }
 }
 
+/// Faults may surface late: what was written and not yet waited for is not taken for valid.
+fn distrust(held: &mut HashMap<ResourceId, Held>, unproven: &mut HashSet<ResourceId>) {
+    for id in unproven.drain() {
+        held.entry(id).and_modify(|h| h.key = None);
+    }
+}
+
 /// Memory of which a tenth is left to the system and to the device's own needs.
 fn most_of(bytes: u64) -> u64 {
     bytes / 10 * 9
@@ -178,13 +247,18 @@ struct Run<'r> {
     device: &'r mut dyn Device,
     held: &'r mut HashMap<ResourceId, Held>,
     pace: &'r mut HashMap<&'static str, f64>,
+    patience: Option<Duration>,
     report: Report,
     /// Dispatches whose times are not known yet: place in the report, stage, units of its axis.
     pending: Vec<(usize, &'static str, u32)>,
+    /// Whether a stage ran whose pace was not known.
+    learns: bool,
 }
 
 impl Run<'_> {
     fn fault(&self, stage: &str, error: DeviceError) -> ExecError {
+        // Of several stages that were waited for, the device knows which it was.
+        let stage = if let DeviceError::Timeout { stage, .. } = error { stage } else { stage };
         ExecError::Device { device: self.device.info().name.clone(), stage: stage.to_owned(), error }
     }
 
@@ -245,7 +319,7 @@ impl Run<'_> {
         nodes: Vec<Node<'_>>,
         names: &[String],
         hooks: &mut Hooks<'_>,
-        written: &mut Vec<ResourceId>,
+        written: &mut HashSet<ResourceId>,
     ) -> Result<(), ExecError> {
         for node in nodes {
             let stands = |(id, key): &(ResourceId, Key)| self.held.get(id).is_some_and(|held| held.key == Some(*key));
@@ -312,6 +386,7 @@ impl Run<'_> {
             Ok(())
         };
         let mut at = 0;
+        self.learns |= !self.pace.contains_key(name);
         if !self.pace.contains_key(name) && axis > 1 {
             say(0)?;
             at = axis.div_ceil(FIRST_PIECES);
@@ -319,7 +394,8 @@ impl Run<'_> {
             self.finish()?;
         }
         let pace = self.pace.get(name).copied().unwrap_or(0.0);
-        let per_piece = (PIECE.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
+        let piece = self.patience.map_or(PIECE, |patience| PIECE.min(patience / 4));
+        let per_piece = (piece.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
         while at < axis {
             say(at)?;
             let end = at.saturating_add(per_piece).min(axis);
@@ -330,10 +406,22 @@ impl Run<'_> {
     }
 
     fn piece(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), ExecError> {
-        let units = range.end - range.start;
+        let (units, begin) = (range.end - range.start, Instant::now());
         self.device.dispatch(stage, range).map_err(|e| self.fault(stage.name(), e))?;
         self.pending.push((self.report.stages.len() - 1, stage.name(), units));
-        Ok(())
+        // The device may have built a kernel meanwhile; only its times tell how long the stage took.
+        if self.patience.is_some_and(|patience| begin.elapsed() > patience) { self.finish() } else { Ok(()) }
+    }
+
+    /// Waits, or leaves the work on its way; whether it waited.
+    fn end(&mut self, end: End) -> Result<bool, ExecError> {
+        if end == End::Wait || self.learns {
+            return self.finish().map(|()| true);
+        }
+        let last = self.pending.last().map_or("waiting", |(_, stage, _)| stage);
+        self.pending.clear();
+        self.device.flush().map_err(|e| self.fault(last, e))?;
+        Ok(false)
     }
 
     /// Waits, and books the time of every dispatch since the last wait.
@@ -352,6 +440,11 @@ impl Run<'_> {
             *done += f64::from(units);
         }
         self.pace.extend(spent.into_iter().map(|(stage, (seconds, units))| (stage, seconds / units.max(1.0))));
+        if let Some(patience) = self.patience
+            && let Some(time) = times.iter().find(|time| time.time > patience)
+        {
+            return Err(self.fault(time.stage, DeviceError::Timeout { stage: time.stage, patience }));
+        }
         Ok(())
     }
 }

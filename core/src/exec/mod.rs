@@ -5,6 +5,7 @@
 //! the nodes whose key changed. A moving light over a still medium, a moving medium under a still sky and a moving
 //! eye over both need no flags: each redoes what depends on it.
 
+mod density;
 mod error;
 mod executor;
 mod key;
@@ -15,4 +16,4 @@ pub use error::{ExecError, RenderError};
 pub use executor::{Executor, Hooks, Progress, Report, StageRun};
 pub use key::Key;
 pub use plan::{Plan, State};
-pub use renderer::{Rendered, Renderer};
+pub use renderer::{OnDevice, Rendered, Renderer, Surface};

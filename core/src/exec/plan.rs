@@ -6,7 +6,9 @@ use std::hash::Hash;
 use bytemuck::Pod;
 
 use super::key::Key;
-use crate::device::{BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, ResourceId, ResourceSpec, Usage};
+use crate::device::{
+    BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, Limits, ResourceId, ResourceSpec, Usage,
+};
 use crate::stage::Stage;
 
 /// Fills a resource: called once, when its content is needed.
@@ -70,20 +72,20 @@ pub struct Plan<'a> {
     pub(super) states: Vec<String>,
     /// Bytes that the host takes for itself while the plan runs and after.
     pub(super) host: u64,
-    loop_turns: Option<u32>,
+    limits: Limits,
     keys: HashMap<ResourceId, Key>,
     frame: u64,
 }
 
 impl<'a> Plan<'a> {
-    pub(super) fn new(slots: &'a mut Slots, frame: u64, loop_turns: Option<u32>) -> Self {
+    pub(super) fn new(slots: &'a mut Slots, frame: u64, limits: Limits) -> Self {
         Self {
             slots,
             nodes: Vec::new(),
             declared: HashMap::new(),
             states: Vec::new(),
             host: 0,
-            loop_turns,
+            limits,
             keys: HashMap::new(),
             frame,
         }
@@ -99,7 +101,12 @@ impl<'a> Plan<'a> {
     /// How often all loops of one invocation may turn together on the device, where its driver bounds that. A stage
     /// that would exceed it runs in passes, for which it may need buffers of its own.
     pub fn loop_turns(&self) -> Option<u32> {
-        self.loop_turns
+        self.limits.loop_turns
+    }
+
+    /// The longest side of a field that the device holds in one piece.
+    pub fn field_side(&self) -> u32 {
+        self.limits.field_side
     }
 
     /// Counts bytes that the host needs beside the plan's resources, so that they are known to be there where host
@@ -131,14 +138,26 @@ impl<'a> Plan<'a> {
         content: &impl Hash,
         make: impl FnOnce() -> Vec<T> + 'a,
     ) -> Buf<T> {
-        let buf = self.buffer(slot, len, Usage::Input);
-        let fill: Fill<'a> = Box::new(move |device, id| {
+        self.external(slot, len, content, move |device, buf| {
             let data = make();
             if data.len() as u64 != len {
                 return Err(DeviceError::Invalid(format!("{} elements were made for {len}", data.len())));
             }
-            device.write(id, 0, bytemuck::cast_slice(&data))
-        });
+            device.write(buf.id, 0, bytemuck::cast_slice(&data))
+        })
+    }
+
+    /// A buffer of `len` elements that `fill` fills on the device by means of its own: by parts, or with what lies on
+    /// the device already. It is called when the content is needed, which depends on `content` alone.
+    pub fn external<T: Pod>(
+        &mut self,
+        slot: &str,
+        len: u64,
+        content: &impl Hash,
+        fill: impl FnOnce(&mut dyn Device, Buf<T>) -> Result<(), DeviceError> + 'a,
+    ) -> Buf<T> {
+        let buf = self.buffer(slot, len, Usage::Input);
+        let fill: Fill<'a> = Box::new(move |device, _| fill(device, buf));
         self.push_upload(buf.id, Key::of("upload", &(len, content)), fill);
         buf
     }

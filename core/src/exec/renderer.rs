@@ -2,10 +2,12 @@
 
 use glam::DVec3;
 
+use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
-use crate::device::{Buf, Device, FieldFormat, FieldSpec};
+use crate::Version;
+use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
 use crate::light::Environment;
 use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
@@ -20,6 +22,39 @@ pub struct Rendered {
     pub report: Report,
 }
 
+/// A film that stays on the device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OnDevice {
+    /// Two vectors a pixel, as the stage [`March`] writes them: premultiplied RGB and alpha; transmittance and depth.
+    /// It holds until the next call of the renderer.
+    pub film: Buf<[f32; 4]>,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Which stages ran.
+    pub report: Report,
+}
+
+type FillSurface<'a> = Box<dyn FnOnce(&mut dyn Device, Buf<[f32; 4]>) -> Result<(), DeviceError> + 'a>;
+
+/// What stands behind the medium where it lies on the device already, in place of [`Scene::background`].
+pub struct Surface<'a> {
+    content: Version,
+    fill: FillSurface<'a>,
+}
+
+impl<'a> Surface<'a> {
+    /// A background that `fill` writes into a buffer of a vector a pixel ([`March::surface`]). It is called when the
+    /// content is another than in the picture before: `content` is its identity, a fresh one where it changed.
+    pub fn new(
+        content: Version,
+        fill: impl FnOnce(&mut dyn Device, Buf<[f32; 4]>) -> Result<(), DeviceError> + 'a,
+    ) -> Self {
+        Self { content, fill: Box::new(fill) }
+    }
+}
+
 /// Renders scenes on one device, and keeps between pictures what does not change.
 pub struct Renderer {
     executor: Executor,
@@ -28,8 +63,12 @@ pub struct Renderer {
 /// Voxels along each side of a cell of the march's occupancy.
 const OCCUPANCY: u32 = 8;
 
-/// Pixels that are read back at a time: 2 MiB.
+/// Pixels that are read back or written at a time: 2 MiB of a film.
 const READ: u64 = 1 << 16;
+
+/// Texels along a row, and rows of a slice, of the field that holds the environment. Every device holds fields of that
+/// side, and at most a mebibyte is left empty.
+const SKY_SIDE: u32 = 256;
 
 /// 1/r² is floored at the distance of this part of [`Medium::voxel`](crate::media::Medium::voxel), where a point light
 /// would shine infinitely.
@@ -51,6 +90,11 @@ impl Renderer {
         self.executor.device()
     }
 
+    /// The device, for what it offers beyond the trait (`downcast_mut`).
+    pub fn device_mut(&mut self) -> &mut dyn Device {
+        self.executor.device_mut()
+    }
+
     /// Renders a scene.
     ///
     /// # Errors
@@ -66,13 +110,40 @@ impl Renderer {
     pub fn render_with(&mut self, scene: &Scene, hooks: &mut Hooks<'_>) -> Result<Rendered, RenderError> {
         scene.validate()?;
         // The plan borrows the executor for as long as the scene: both end with this call.
-        let (film, report) = self.executor.run(hooks, |plan| plan_frame(scene, plan))?;
-        Ok(Rendered { film: self.read_film(scene, film)?, report })
+        let (film, report) = self.executor.run(hooks, |plan| {
+            let film = plan_frame(scene, None, plan)?;
+            // The film as the caller gets it.
+            plan.host(film.bytes());
+            Ok::<_, RenderError>(film)
+        })?;
+        let (width, height) = (scene.camera.width, scene.camera.height);
+        let left = OnDevice { film, width, height, report };
+        Ok(Rendered { film: self.read(&left)?, report: left.report })
     }
 
-    /// Reads the film back a few rows at a time: a second copy of a large picture may be more than there is room for.
-    fn read_film(&mut self, scene: &Scene, from: Buf<[f32; 4]>) -> Result<Film, RenderError> {
-        let (width, height) = (scene.camera.width, scene.camera.height);
+    /// Renders a scene and leaves the film on the device. Nothing is read back, and once every stage has run, nothing
+    /// is waited for ([`Executor::submit`]): for engines that go on with the film on the same device.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_with`]; what `surface` says; faults of work that an earlier call left on its way.
+    pub fn render_on_device(
+        &mut self,
+        scene: &Scene,
+        surface: Option<Surface<'_>>,
+        hooks: &mut Hooks<'_>,
+    ) -> Result<OnDevice, RenderError> {
+        scene.validate()?;
+        let (film, report) = self.executor.submit(hooks, |plan| plan_frame(scene, surface, plan))?;
+        Ok(OnDevice { film, width: scene.camera.width, height: scene.camera.height, report })
+    }
+
+    /// Reads a film back that [`Renderer::render_on_device`] left as the last.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn read(&mut self, left: &OnDevice) -> Result<Film, RenderError> {
+        // A few rows at a time: a second copy of a large picture may be more than there is room for.
+        let &OnDevice { film: from, width, height, .. } = left;
         let pixels = u64::from(width) * u64::from(height);
         let mut beauty = self.executor.room(pixels)?;
         let mut transmittance = self.executor.room(pixels)?;
@@ -96,7 +167,11 @@ impl Renderer {
 }
 
 /// Plans everything from the medium's upload to the film.
-fn plan_frame<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Result<Buf<[f32; 4]>, RenderError> {
+fn plan_frame<'a>(
+    scene: &'a Scene,
+    surface: Option<Surface<'a>>,
+    plan: &mut Plan<'a>,
+) -> Result<Buf<[f32; 4]>, RenderError> {
     let medium = upload_medium(scene, plan);
     let mut sources = Sources::default();
     if let Some(EnvironmentEstimate::Records(records)) = &scene.estimate.environment {
@@ -107,7 +182,8 @@ fn plan_frame<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Result<Buf<[f32; 4]>
         Some(LightsEstimate::Direct(direct)) => direct.plan(scene, &medium, plan, &mut sources)?,
         None => (),
     }
-    Ok(plan_march(scene, &medium, &sources, plan))
+    let surface = plan_surface(scene, surface, plan);
+    Ok(plan_march(scene, &medium, &sources, surface, plan))
 }
 
 /// The medium's fields on the device.
@@ -116,7 +192,7 @@ fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     let lattice = medium.lattice();
     let spec = FieldSpec { dims: lattice.dims().to_array(), layers: 1, format: FieldFormat::Scalar };
     let version = medium.version();
-    let density = plan.upload_field("density", spec, &version, |k, out| medium.density_slice(k, out));
+    let density = plan_density(medium.as_ref(), plan);
     let emission = match medium.emission_density() {
         Some(field) if scene.optics.emits() => {
             Some(plan.upload_field("emission density", spec, &version, move |k, out| field.slice(k, out)))
@@ -131,7 +207,33 @@ fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     }
 }
 
-fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
+/// What stands behind the medium.
+fn plan_surface<'a>(scene: &'a Scene, surface: Option<Surface<'a>>, plan: &mut Plan<'a>) -> Option<Buf<[f32; 4]>> {
+    let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
+    if let Some(Surface { content, fill }) = surface {
+        return Some(plan.external("surface", pixels, &content, fill));
+    }
+    let background = scene.background.as_ref()?;
+    let fill = move |device: &mut dyn Device, buf: Buf<[f32; 4]>| {
+        let mut surfaces = background.surfaces();
+        let mut at = 0;
+        while at < pixels {
+            let part: Vec<_> = surfaces.by_ref().take(READ as usize).collect();
+            device.write(buf.id, at * size_of::<[f32; 4]>() as u64, bytemuck::cast_slice(&part))?;
+            at += part.len() as u64;
+        }
+        Ok(())
+    };
+    Some(plan.external("surface", pixels, &background.version(), fill))
+}
+
+fn plan_march<'a>(
+    scene: &'a Scene,
+    medium: &MediumFields,
+    sources: &Sources,
+    surface: Option<Buf<[f32; 4]>>,
+    plan: &mut Plan<'a>,
+) -> Buf<[f32; 4]> {
     let (camera, optics, grid) = (&scene.camera, &scene.optics, &medium.grid);
     let rgb0 = |v: glam::Vec3| v.extend(0.0).to_array();
     let mut params: MarchParams = bytemuck::Zeroable::zeroed();
@@ -194,8 +296,6 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
     tables.extend(phase.table);
     let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
     let pixels = u64::from(camera.width) * u64::from(camera.height);
-    // The film as the caller gets it.
-    plan.host(pixels * size_of::<[[f32; 4]; 2]>() as u64);
     (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);
     let mut march = March {
         params,
@@ -207,7 +307,7 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
         lights,
         tables: plan.table("march tables", tables),
         environment,
-        surface: None,
+        surface,
         paths: None,
         film: plan.output("film", 2 * pixels),
     };
@@ -220,12 +320,21 @@ fn plan_march<'a>(scene: &'a Scene, medium: &MediumFields, sources: &Sources, pl
 }
 
 /// The environment as it is seen behind the medium.
-fn upload_sky<'a>(environment: &'a Environment, params: &mut MarchParams, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
+fn upload_sky<'a>(environment: &'a Environment, params: &mut MarchParams, plan: &mut Plan<'a>) -> Field {
     let image = environment.image();
     (params.environment_width, params.environment_height) = (image.width, image.height);
     let turns = (environment.rotation / 360.0).rem_euclid(1.0) as f32;
     params.environment = environment.scale.extend(turns).to_array();
-    plan.upload("environment", image.texels.len() as u64, &environment.version(), || {
-        image.texels.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
+    let texels = &image.texels;
+    let dims = fold(texels.len() as u64, SKY_SIDE.min(plan.field_side()));
+    params.environment_dims = [dims[0], dims[1], dims[2], 0];
+    let spec = FieldSpec { dims, layers: 1, format: FieldFormat::Rgba };
+    plan.upload_field("environment", spec, &environment.version(), |k, out| {
+        let first = k as usize * (out.len() / 4);
+        for (place, to) in out.chunks_exact_mut(4).enumerate() {
+            // Past the last texel lies what is never looked up.
+            let [r, g, b] = texels.get(first + place).copied().unwrap_or_default();
+            to.copy_from_slice(&[r, g, b, 0.0]);
+        }
     })
 }

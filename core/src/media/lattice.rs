@@ -61,6 +61,27 @@ impl Lattice {
         Self::new(dims, map)
     }
 
+    /// A lattice of nearly cubic voxels that fills the axis-aligned box from `min` to `max` (metres): `cells` along the
+    /// longest side and max(1, round(cells · length / longest)) along each other, halves away from zero. The box is
+    /// kept as it is, so voxels are stretched by what rounding leaves, and cubic where the sides have that ratio.
+    ///
+    /// # Errors
+    /// As [`Lattice::in_box`].
+    pub fn of_cells(cells: u32, min: DVec3, max: DVec3) -> Result<Self, MediumError> {
+        let size = max - min;
+        let share = size / size.max_element() * f64::from(cells);
+        // Casting saturates; what is no box is refused below.
+        let dims = share.to_array().map(|n| (n.round() as u32).max(1));
+        Self::in_box(UVec3::from_array(dims), min, max)
+    }
+
+    /// Whether the three edges stand at right angles.
+    pub(crate) fn is_orthogonal(&self) -> bool {
+        let m = self.index_to_world.matrix3;
+        let square = |a: DVec3, b: DVec3| a.dot(b).abs() <= 1e-9 * a.length() * b.length();
+        square(m.x_axis, m.y_axis) && square(m.y_axis, m.z_axis) && square(m.z_axis, m.x_axis)
+    }
+
     /// Samples along x, y and z.
     pub fn dims(&self) -> UVec3 {
         self.dims
@@ -79,6 +100,17 @@ impl Lattice {
     /// Takes a point of the world to index space.
     pub fn world_to_index(&self) -> DAffine3 {
         self.world_to_index
+    }
+
+    /// Fills slice `k`, x fastest, from the place of each sample in the world and what stands there already.
+    pub(crate) fn fill_slice(&self, k: u32, out: &mut [f32], value: impl Fn(DVec3, f32) -> f64) {
+        assert_eq!(out.len() as u64, u64::from(self.dims.x) * u64::from(self.dims.y), "a slice holds x · y values");
+        for (row, j) in out.chunks_exact_mut(self.dims.x as usize).zip(0u32..) {
+            for (place, i) in row.iter_mut().zip(0u32..) {
+                let p = self.index_to_world.transform_point3(UVec3::new(i, j, k).as_dvec3());
+                *place = value(p, *place) as f32;
+            }
+        }
     }
 
     /// Lengths of a voxel's three edges in metres.
@@ -124,6 +156,21 @@ mod tests {
         assert!((min - DVec3::new(-0.6, 0.0, -0.5)).length() < 1e-12);
         assert!((max - DVec3::new(0.6, 0.8, 0.5)).length() < 1e-12);
         assert!((l.center() - DVec3::new(0.0, 0.4, 0.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn cells_are_counted_along_the_longest_side() {
+        let of = |cells, max| Lattice::of_cells(cells, DVec3::ZERO, max).unwrap();
+        let lattice = of(60, DVec3::new(1.2, 0.8, 1.0));
+        assert_eq!(lattice.dims(), UVec3::new(60, 40, 50));
+        assert!((lattice.edges() - DVec3::splat(0.02)).length() < 1e-12);
+        // Rounding stretches voxels, not the box.
+        let lattice = of(7, DVec3::new(0.5, 2.0, 0.01));
+        assert_eq!(lattice.dims(), UVec3::new(2, 7, 1));
+        assert!((lattice.world_bounds().1 - DVec3::new(0.5, 2.0, 0.01)).length() < 1e-12);
+        for bad in [DVec3::ZERO, DVec3::new(1.0, -1.0, 1.0), DVec3::new(1.0, f64::NAN, 1.0)] {
+            assert!(matches!(Lattice::of_cells(7, DVec3::ZERO, bad), Err(MediumError::Bounds { .. })));
+        }
     }
 
     #[test]

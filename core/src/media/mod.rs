@@ -4,15 +4,23 @@
 //! `extinction`, scattering σs = albedo · σt, emission j(x) = ρe(x) · `emission`. Columns of ρ are scalars; colour
 //! enters at the exponential.
 
+mod bins;
+mod fog;
+mod gaussians;
 mod grid;
 mod lattice;
+mod noise;
 mod optics;
 mod phase;
 
 use std::fmt::Debug;
 
+pub use bins::Bins;
+pub use fog::HeightFog;
+pub use gaussians::{Gaussian, Gaussians};
 pub use grid::{BRICK, Brick, Grid, GridMedium, Homogeneous, IndexBox, Storage, Tile};
 pub use lattice::Lattice;
+pub use noise::{Detailed, FractalNoise, Noise};
 pub use optics::{Optics, OpticsError};
 pub use phase::{Phase, PhaseError, PhaseTable};
 
@@ -54,6 +62,24 @@ pub enum MediumError {
         /// See `x`.
         z: i32,
     },
+    /// A number of a medium that is described and not sampled.
+    #[error("{what} {value}: it must be {right}")]
+    Parameter {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be right.
+        right: &'static str,
+    },
+    /// One of a sum of Gaussians.
+    #[error("Gaussian {number}: {error}")]
+    Gaussian {
+        /// Its number, from 0.
+        number: usize,
+        /// What is wrong with it.
+        error: Box<MediumError>,
+    },
     /// Two grids of one medium do not share a lattice.
     #[error("{0}")]
     Mismatch(String),
@@ -75,6 +101,31 @@ fn in_range(v: f32) -> bool {
     (0.0..=LARGEST).contains(&v)
 }
 
+/// Refuses a parameter that is not `right`.
+fn demand(what: &'static str, value: f64, right: &'static str, is: bool) -> Result<(), MediumError> {
+    if is { Ok(()) } else { Err(MediumError::Parameter { what, value, right }) }
+}
+
+/// Refuses a density or amplitude that is not from 0 to [`LARGEST`].
+fn demand_density(what: &'static str, value: f64) -> Result<(), MediumError> {
+    demand(what, value, "from 0 to 1e15", in_range(value as f32))
+}
+
+/// How a device comes by a medium's density.
+#[derive(Clone, Copy, Debug)]
+pub enum DensitySource<'a> {
+    /// The host makes it, slice by slice ([`Medium::density_slice`]).
+    Slices,
+    /// The device sums Gaussians.
+    Gaussians(&'a Gaussians),
+    /// The device computes fog over a plane.
+    HeightFog(&'a HeightFog),
+    /// The device computes noise.
+    Noise(&'a Noise),
+    /// The device multiplies a grid by noise.
+    Detailed(&'a Detailed),
+}
+
 /// A participating medium's density on its lattice.
 ///
 /// Object-safe, so that a scene may hold any medium. Implementations are immutable: what changes takes a new
@@ -88,6 +139,12 @@ pub trait Medium: Debug + Send + Sync {
 
     /// Writes the densities of slice `k` (0 ≤ k < dims.z), x fastest; `out` holds dims.x · dims.y values.
     fn density_slice(&self, k: u32, out: &mut [f32]);
+
+    /// How a device makes the density. What it makes agrees with [`Medium::density_slice`] to the rounding of f32 and
+    /// what the source itself states.
+    fn source(&self) -> DensitySource<'_> {
+        DensitySource::Slices
+    }
 
     /// The field that emission is proportional to, on the same lattice, where it is not the density itself.
     fn emission_density(&self) -> Option<EmissionDensity<'_>> {

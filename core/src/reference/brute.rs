@@ -310,6 +310,7 @@ mod tests {
             medium: Arc::new(Homogeneous::new(1.0, MIN, MAX).unwrap()),
             optics: Optics { albedo: Vec3::new(0.9, 0.5, 0.2), ..Optics::grey(extinction, 1.0) },
             environment: None,
+            background: None,
             lights: Vec::new(),
             estimate: Estimate::default(),
             quality: Quality::default(),

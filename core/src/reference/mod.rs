@@ -7,6 +7,7 @@
 
 pub mod brute;
 pub mod closed;
+mod inject;
 mod lookup;
 mod march;
 mod project;
@@ -15,6 +16,7 @@ mod reduce;
 mod relight;
 
 pub use brute::{BruteForce, BruteSettings};
+pub use inject::{InjectInputs, inject};
 pub use march::{MarchInputs, march};
 pub use project::{ProjectInputs, project};
 pub use propagate::{PropagateInputs, propagate};

@@ -1,5 +1,6 @@
 //! A scene: everything a picture depends on, in memory.
 
+mod background;
 mod camera;
 mod estimate;
 mod film;
@@ -8,6 +9,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Opacity,
@@ -29,6 +31,8 @@ pub struct Scene {
     pub optics: Optics,
     /// Distant light from all around.
     pub environment: Option<Environment>,
+    /// What stands behind the medium, of as many pixels as the camera's picture.
+    pub background: Option<Background>,
     /// Analytic lights.
     pub lights: Vec<Light>,
     /// How in-scattered light is estimated.
@@ -65,6 +69,16 @@ pub enum SceneError {
     /// The environment.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
+    /// The background.
+    #[error("a background of {width} × {height} pixels behind a picture of {} × {}; both must be equal", camera.0, camera.1)]
+    Background {
+        /// Columns of the background.
+        width: u32,
+        /// Rows of the background.
+        height: u32,
+        /// Columns and rows of the picture.
+        camera: (u32, u32),
+    },
     /// An estimator's options.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
@@ -90,6 +104,13 @@ impl Scene {
         self.optics.validate()?;
         if let Some(environment) = &self.environment {
             environment.validate()?;
+        }
+        if let Some(background) = &self.background {
+            let (width, height) = (background.width(), background.height());
+            let camera = (self.camera.width, self.camera.height);
+            if (width, height) != camera {
+                return Err(SceneError::Background { width, height, camera });
+            }
         }
         let lattice = self.medium.lattice();
         if !lattice.world_to_index().transform_point3(self.camera.origin).as_vec3().is_finite() {
@@ -143,6 +164,7 @@ mod tests {
             medium: Arc::new(Homogeneous::new(1.0, DVec3::ZERO, max).unwrap()),
             optics: Optics::grey(1.0, 0.5),
             environment: None,
+            background: None,
             lights: Vec::new(),
             estimate: Estimate::default(),
             quality: Quality::default(),

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{March, Project, Propagate, Reduce, Relight, Stage};
+use super::{Inject, March, Project, Propagate, Reduce, Relight, Stage};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -57,10 +57,18 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             occupancy: full.then(|| buf(4)),
             lights: full.then(|| buf(5)),
             tables: buf(6),
-            environment: full.then(|| buf(7)),
+            environment: full.then(|| field(7, FieldFormat::Rgba)),
             surface: full.then(|| buf(8)),
             paths: full.then(|| buf(9)),
             film: buf(10),
+        }),
+        Stage::Inject(Inject {
+            params: Zeroable::zeroed(),
+            base: full.then(|| scalar(0)),
+            blobs: full.then(|| buf(1)),
+            starts: full.then(|| buf(2)),
+            list: full.then(|| buf(3)),
+            out: buf(4),
         }),
     ]
 }

@@ -56,6 +56,8 @@ kernel_struct! {
         phase: F32x4,
         /// Multiplies the environment, RGB; its rotation in turns.
         environment: F32x4,
+        /// Texels of the environment's field along x, y, z; unused.
+        environment_dims: U32x4,
         /// Occupancy cells along x, y, z; voxels of a cell's side.
         occupancy_cells: U32x4,
         /// Record cells along x, y, z; layers.
@@ -154,8 +156,9 @@ pub struct March {
     pub lights: Option<Buf<LightRecord>>,
     /// Sub-pixel positions (two values each), then constants of spherical harmonics, then the phase function's table.
     pub tables: Buf<f32>,
-    /// Texels of the environment, RGB; unused; none where it is not seen.
-    pub environment: Option<Buf<[f32; 4]>>,
+    /// Texels of the environment, RGB; unused; row by row, folded into a field ([`fold`](crate::device::fold)). None
+    /// where it is not seen.
+    pub environment: Option<Field>,
     /// Radiance of the surface behind each pixel, RGB, and its distance along the ray in metres (infinite for none).
     pub surface: Option<Buf<[f32; 4]>>,
     /// Where rays are kept between passes, two vectors a pixel: radiance and light stopped so far, transmittance and
@@ -231,7 +234,7 @@ impl Kernel for March {
             Binding::read("occupancy", self.occupancy),
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
-            Binding::read("environment", self.environment),
+            Binding::sample("environment", FieldFormat::Rgba, self.environment),
             Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row),
             Binding::write("paths", self.paths).in_parts::<[f32; 4]>(2 * row),
             Binding::write("film", Some(self.film)).in_parts::<[f32; 4]>(2 * row),
@@ -313,11 +316,12 @@ impl Kernel for March {
         require!(self.tables.len >= table, "tables of {} values for {table}", self.tables.len);
         if let Some(environment) = self.environment {
             let texels = u64::from(p.environment_width) * u64::from(p.environment_height);
-            require!(
-                texels > 0 && environment.len >= texels,
-                "an environment of {} texels for {texels}",
-                environment.len
-            );
+            let spec = environment.spec;
+            let [x, y, z, _] = p.environment_dims;
+            require!(spec.dims == [x, y, z] && spec.layers == 1, "an environment of {spec:?} for {x} × {y} × {z}");
+            require!(spec.format == FieldFormat::Rgba, "an environment of {spec:?}");
+            let range = 1..=spec.texels().min(i32::MAX as u64);
+            require!(range.contains(&texels), "{texels} texels of the environment in {spec:?}");
         }
         Ok(())
     }

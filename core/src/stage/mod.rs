@@ -6,6 +6,7 @@
 
 mod examples;
 mod grid;
+mod inject;
 mod march;
 mod project;
 pub mod propagate;
@@ -14,6 +15,7 @@ mod relight;
 
 pub use examples::examples;
 pub use grid::{GridParams, PhaseParams};
+pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
@@ -78,6 +80,8 @@ pub enum Stage {
     Relight(Relight),
     /// View rays through the medium.
     March(March),
+    /// Density of a medium that is described instead of sampled.
+    Inject(Inject),
 }
 
 macro_rules! each {
@@ -88,6 +92,7 @@ macro_rules! each {
             Stage::Propagate($stage) => $value,
             Stage::Relight($stage) => $value,
             Stage::March($stage) => $value,
+            Stage::Inject($stage) => $value,
         }
     };
 }
@@ -98,7 +103,8 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 5] = [Reduce::NAME, Project::NAME, Propagate::NAME, Relight::NAME, March::NAME];
+    pub const NAMES: [&'static str; 6] =
+        [Reduce::NAME, Project::NAME, Propagate::NAME, Relight::NAME, March::NAME, Inject::NAME];
 
     /// Name of the stage and of its kernel files.
     pub fn name(&self) -> &'static str {
@@ -144,6 +150,7 @@ impl Stage {
             Self::Propagate(stage) => stage.passes(turns)?.into_iter().map(Self::Propagate).collect(),
             Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
             Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
+            Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),
         })
     }
 
@@ -185,7 +192,8 @@ mod tests {
         use KernelLanguage::{Opencl, Wgsl};
         assert_eq!(RelightParams::text(Wgsl).lines().nth(1), Some("    cells: u32,"));
         assert_eq!(RelightParams::text(Opencl).lines().nth(1), Some("    uint cells;"));
-        for text in [ReduceParams::text, ProjectParams::text, MarchParams::text, LightRecord::text] {
+        let params = [InjectParams::text, ReduceParams::text, ProjectParams::text, MarchParams::text];
+        for text in params.into_iter().chain([BlobRecord::text, LightRecord::text]) {
             assert_eq!(text(Wgsl).lines().count(), text(Opencl).lines().count());
         }
     }

@@ -3,6 +3,7 @@
 //! Pictures are linear RGB (Rec. 709), row 0 at the top. What a file is follows from its first bytes, never from its
 //! name; what is written follows from the ending of the name.
 
+mod depth;
 mod exr;
 mod hdr;
 mod png;
@@ -15,6 +16,7 @@ use std::path::Path;
 use airlight_core::light::{Environment, Image, clamp_texels};
 use airlight_core::scene::Film;
 
+pub use self::depth::{DepthImage, read_depth};
 pub use self::exr::{Exr, parse_exr_channels, read_exr_channels, write_exr, write_exr_channels};
 pub use self::png::{write_png, write_png_rgb8};
 pub use self::tone::{Curve, ToneMap};

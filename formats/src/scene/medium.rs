@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use airlight_core::media::{Grid, GridMedium, Homogeneous, Lattice, Medium, MediumError, Optics, Phase, PhaseTable};
+use airlight_core::media::{
+    Detailed, FractalNoise, Grid, GridMedium, Homogeneous, Lattice, Medium, MediumError, Optics, Phase, PhaseTable,
+};
 use glam::{DAffine3, DVec3, Vec3};
 
+use super::described::{self, Described};
 use super::error::Fault;
-use super::pending::{self, Shape};
 use super::table::{Field, Table};
 use crate::FormatError;
 use crate::volume::Volume;
@@ -25,11 +27,9 @@ const GRID: &[&str] = &[
     "emission_grid",
     "temperature_grid",
     "transfer_function",
+    "noise",
 ];
 const HOMOGENEOUS: &[&str] = &["density", "bounds"];
-const GAUSSIANS: &[&str] = &["file", "blobs", "bounds", "cells"];
-const HEIGHT_FOG: &[&str] = &["density", "falloff", "base", "bounds", "cells"];
-const NOISE: &[&str] = &["density", "scale", "octaves", "seed", "bounds", "cells"];
 
 const PHASES: &[(&str, &[&str])] = &[
     ("isotropic", &[]),
@@ -41,8 +41,18 @@ const PHASES: &[(&str, &[&str])] = &[
 
 /// Where the density comes from.
 enum Source<'a> {
-    Homogeneous { density: f32, bounds: Field<'a> },
-    Grid { file: Field<'a>, name: Option<&'a str>, bounds: Option<(DVec3, DVec3)>, emission: Option<Field<'a>> },
+    Homogeneous {
+        density: f32,
+        bounds: Field<'a>,
+    },
+    Grid {
+        file: Field<'a>,
+        name: Option<&'a str>,
+        bounds: Option<(DVec3, DVec3)>,
+        emission: Option<Field<'a>>,
+        detail: Option<FractalNoise>,
+    },
+    Described(Described<'a>),
 }
 
 /// A medium as the scene describes it, before any volume is read.
@@ -54,8 +64,8 @@ pub(super) struct Plan<'a> {
 pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
     let medium = root.require("medium", "[medium] with kind = \"grid\" and file = \"cloud.vdb\"")?;
     let keys = |own: &[&'static str]| [OPTICS, own].concat();
-    let (grid, homogeneous, gaussians) = (keys(GRID), keys(HOMOGENEOUS), keys(GAUSSIANS));
-    let (height_fog, noise) = (keys(HEIGHT_FOG), keys(NOISE));
+    let (grid, homogeneous, gaussians) = (keys(GRID), keys(HOMOGENEOUS), keys(described::GAUSSIANS));
+    let (height_fog, noise) = (keys(described::HEIGHT_FOG), keys(described::NOISE));
     let (kind, table) = medium.kinds(
         None,
         &[
@@ -75,24 +85,7 @@ pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
             Source::Homogeneous { density: density as f32, bounds }
         }
         "grid" => grid_source(&table)?,
-        other => {
-            let not_negative = Shape::Number("at least 0", |v| v >= 0.0);
-            let shapes: &[(&str, Shape)] = match other {
-                "gaussians" => &[("file", Shape::Text), ("blobs", Shape::Blobs)],
-                "height-fog" => &[("density", not_negative), ("falloff", not_negative), ("base", Shape::FINITE)],
-                _ => &[
-                    ("density", not_negative),
-                    ("scale", Shape::POSITIVE),
-                    ("octaves", Shape::Whole(1, 32)),
-                    ("seed", Shape::Whole(0, u32::MAX)),
-                ],
-            };
-            pending::check(&table, shapes)?;
-            pending::check(&table, &[("bounds", Shape::Bounds), ("cells", Shape::Whole(1, 4096))])?;
-            table.exclusive("file", "blobs")?;
-            let kind = table.get("kind").unwrap_or(medium);
-            return Err(kind.pending("available: \"grid\" and \"homogeneous\""));
-        }
+        other => Source::Described(Described::parse(other, &table)?),
     };
     Ok(Plan { optics, source })
 }
@@ -117,7 +110,9 @@ fn grid_source<'a>(table: &Table<'a>) -> Result<Source<'a>, Fault> {
             .ok_or_else(|| name.from("says where the medium shines; give emission, as in emission = 1"))?;
     }
     let name = table.get("grid").map(|f| f.text()).transpose()?;
-    Ok(Source::Grid { file, name, bounds: table.get("bounds").map(|f| f.bounds()).transpose()?, emission })
+    let bounds = table.get("bounds").map(|f| f.bounds()).transpose()?;
+    let detail = table.wanted("noise").map(|f| described::detail(&f)).transpose()?;
+    Ok(Source::Grid { file, name, bounds, emission, detail })
 }
 
 fn optics(table: &Table<'_>) -> Result<Optics, Fault> {
@@ -177,7 +172,8 @@ impl Plan<'_> {
                 let (min, max) = bounds.bounds()?;
                 Ok(Arc::new(Homogeneous::new(*density, min, max).map_err(|e| bounds.from(e))?))
             }
-            Source::Grid { file, name, bounds, emission } => {
+            Source::Described(described) => described.load(folder, files),
+            Source::Grid { file, name, bounds, emission, detail } => {
                 let path = folder.join(file.text()?);
                 let mut density = read(&path, *name).map_err(|e| file.from(e))?;
                 files.push(path.clone());
@@ -202,7 +198,11 @@ impl Plan<'_> {
                     None => {}
                 }
                 let emission = shining.map(|v| Arc::new(v.grid));
-                Ok(Arc::new(GridMedium::new(Arc::new(density.grid), emission).map_err(about)?))
+                let medium = Arc::new(GridMedium::new(Arc::new(density.grid), emission).map_err(about)?);
+                Ok(match detail {
+                    Some(noise) => Arc::new(Detailed::new(medium, *noise)),
+                    None => medium,
+                })
             }
         }
     }

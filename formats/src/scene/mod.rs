@@ -4,7 +4,9 @@
 //! lists the keys. A key that is known but asks for something that is not built yet says so; its plain value
 //! (`"none"`, `false`, an empty list or table) is taken.
 
+mod background;
 mod camera;
+mod described;
 mod error;
 mod estimate;
 mod light;
@@ -107,7 +109,7 @@ fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene
     let lights = light::lights(&sections)?;
     let estimate = estimate::estimate(&sections)?;
     let quality = estimate::quality(&sections)?;
-    pending::background(&sections)?;
+    let background = background::parse(&sections)?;
     pending::surfaces(&sections)?;
     pending::animation(&sections)?;
 
@@ -115,11 +117,13 @@ fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene
     if environment.is_none() && lights.is_empty() && !medium.optics.emits() {
         warnings.push("nothing shines: the scene has no [environment], no [[light]] and no emission".into());
     }
+    let background = background.map(|b| b.load(folder, &camera, &mut files, &mut warnings)).transpose()?;
     let scene = Scene {
         camera,
         optics: medium.optics.clone(),
         environment: environment.map(|e| e.load(folder, &mut files, &mut warnings)).transpose()?,
         medium: medium.load(folder, read, &mut files)?,
+        background,
         lights,
         estimate,
         quality,
@@ -149,6 +153,7 @@ fn responsible(error: &SceneError) -> String {
             OpticsError::Phase(_) => "medium.phase",
         },
         SceneError::Environment(_) => "environment",
+        SceneError::Background { .. } => "background",
         SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("estimate.environment.{key}"),
         SceneError::Estimate(EstimateError::Conflict(_)) => "estimate.environment.content",
         SceneError::Eye(_) => "camera.origin",

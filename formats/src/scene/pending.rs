@@ -11,15 +11,12 @@ pub(super) enum Shape {
     Number(&'static str, fn(f64) -> bool),
     Whole(u32, u32),
     Color,
-    Bounds,
     OneOf(&'static [&'static str]),
     /// A whole number in this range, or this word.
     WholeOr(u32, u32, &'static str),
-    Blobs,
 }
 
 impl Shape {
-    pub(super) const FINITE: Self = Self::Number("finite", |_| true);
     pub(super) const POSITIVE: Self = Self::Number("above 0", |v| v > 0.0);
 }
 
@@ -39,7 +36,6 @@ fn value(field: &Field<'_>, shape: Shape) -> Result<(), Fault> {
         Shape::Number(words, right) => field.number_where(words, right).map(drop),
         Shape::Whole(low, high) => field.whole(low..=high).map(drop),
         Shape::Color => field.color(f32::MAX).map(drop),
-        Shape::Bounds => field.bounds().map(drop),
         Shape::OneOf(words) => {
             let words: Vec<_> = words.iter().map(|w| (*w, Some(()))).collect();
             field.choice(&words)
@@ -49,15 +45,6 @@ fn value(field: &Field<'_>, shape: Shape) -> Result<(), Fault> {
             Ok(_) => Err(field.wrong(&format!("it must be \"{word}\" or a whole number from {low} to {high}"))),
             Err(_) => field.whole(low..=high).map(drop),
         },
-        Shape::Blobs => {
-            for blob in field.list()? {
-                let blob = blob.table(&["center", "a", "c"])?;
-                blob.require("center", "center = [0, 0, 0]")?.vector()?;
-                blob.require("a", "a = 9.0")?.number_where("above 0", |v| v > 0.0)?;
-                blob.require("c", "c = 2.0")?.number_where("at least 0", |v| v >= 0.0)?;
-            }
-            Ok(())
-        }
     }
 }
 
@@ -81,14 +68,6 @@ pub(super) fn surfaces(root: &Table<'_>) -> Result<(), Fault> {
         first.get_or_insert(field);
     }
     first.map_or(Ok(()), |f| Err(f.pending("leave [[surface]] out")))
-}
-
-/// `[background]`.
-pub(super) fn background(root: &Table<'_>) -> Result<(), Fault> {
-    let Some(field) = root.asked("background") else { return Ok(()) };
-    let table = field.table(&["color", "depth"])?;
-    check(&table, &[("color", Shape::Text), ("depth", Shape::Text)])?;
-    Err(field.pending("leave [background] out; a visible [environment] stands behind the medium"))
 }
 
 /// `[animation]`, whose keys are not settled: an empty one alone asks for nothing.

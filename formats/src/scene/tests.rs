@@ -15,6 +15,7 @@ use super::*;
 use crate::FormatError;
 use crate::volume::Volume;
 
+mod described;
 mod refusals;
 
 /// The least scene: five lines, so that what follows begins on line 6.

@@ -51,6 +51,7 @@ fn info(backend: &'static str, index: usize, kind: DeviceKind, name: &str) -> De
         limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048, loop_turns: None },
         features: Vec::new(),
         filter_bits: 24,
+        unusable: None,
     }
 }
 
@@ -206,4 +207,24 @@ fn what_is_not_there_is_said_with_what_is() {
         let error = open(choice).map(|d| d.info().name.clone()).unwrap_err().to_string();
         assert!(error.contains("cpu:0"), "{error}");
     }
+}
+
+#[test]
+fn what_is_listed_as_unusable_comes_last_and_its_reason_is_heard() {
+    const ONE: Provider = Provider {
+        name: "wgpu",
+        enumerate: || {
+            let unusable = Some("max_storage_buffers_per_shader_stage is 4 and must be at least 7".to_owned());
+            let old = DeviceInfo { unusable, ..info("wgpu", 0, DeviceKind::DiscreteGpu, "Old") };
+            Ok(vec![old, info("wgpu", 1, DeviceKind::SoftwareGpu, "llvmpipe")])
+        },
+        open: |index| match index {
+            0 => Err(Unavailable("Old cannot be opened: too few storage buffers".into())),
+            _ => Ok(Box::new(Idle(info("wgpu", index, DeviceKind::SoftwareGpu, "llvmpipe")))),
+        },
+    };
+    assert_eq!(chosen(&[ONE], "wgpu"), ("wgpu:1".to_owned(), Vec::new()));
+    let told = "wgpu:0 is passed over: Old cannot be opened: too few storage buffers".to_owned();
+    assert_eq!(chosen(&[ONE, CPU], "auto"), ("cpu:0".to_owned(), vec![told]));
+    assert!(choose_among(&[ONE], "old").unwrap_err().reason.contains("too few storage buffers"));
 }

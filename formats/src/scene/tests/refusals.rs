@@ -103,10 +103,6 @@ fn what_the_scene_itself_refuses_has_a_line_too() {
 #[test]
 fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (text, expected) in [
-        (
-            "[background]\ncolor = \"a.exr\"",
-            "7:1: background is not built yet; leave [background] out; a visible [environment] stands behind the medium",
-        ),
         ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
         (
             "[[surface]]\nshape = \"plane\"\nmaterial = { diffuse = 0.7, specular = 0.04, shininess = 32 }",
@@ -190,20 +186,43 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (kind, rest, expected) in [
         (
             "gaussians",
-            "blobs = [{ center = [0, 0, 0], a = 9.0, c = 2.0 }]\ncells = 64",
-            "5:8: medium.kind = \"gaussians\" is not built yet; available: \"grid\" and \"homogeneous\"",
-        ),
-        (
-            "gaussians",
             "blobs = [{ center = [0, 0, 0], a = 9.0, d = 2.0 }]",
             "7:41: unknown key `d` in medium.blobs[0]; did you mean `a`?",
         ),
         (
-            "height-fog",
-            "density = 1\nfalloff = 2\nbase = -1",
-            "5:8: medium.kind = \"height-fog\" is not built yet; available: \"grid\" and \"homogeneous\"",
+            "gaussians",
+            "blobs = [{ center = [0, 0, 0], a = 0, c = 2.0 }]",
+            "7:36: medium.blobs[0].a = 0; it must be from 1e-15 to 1e15",
         ),
-        ("noise", "octaves = 0", "7:11: medium.octaves = 0; it must be a whole number from 1 to 32"),
+        ("gaussians", "blobs = [{ center = [0, 0, 0], a = 1 }]", "7:10: medium.blobs[0].c is missing, as in c = 2.0"),
+        (
+            "gaussians",
+            "blobs = [{ center = [0, 0, 0], a = 1, c = 9e14 }, { center = [0, 0, 0], a = 1, c = 9e14 }]",
+            "7:9: medium.blobs: the sum of all c, 1800000000000000: it must be from 0 to 1e15",
+        ),
+        (
+            "gaussians",
+            "file = \"a.json\"\nblobs = []",
+            "8:9: medium.file and medium.blobs exclude each other; give one",
+        ),
+        (
+            "gaussians",
+            "cells = 8",
+            "4:1: medium.blobs is missing, as in blobs = [{ center = [0, 0, 0], a = 9.0, c = 2.0 }], or file = \"blobs.json\"",
+        ),
+        ("gaussians", "file = \"no.json\"", "7:8: medium.file: scenes/no.json: No such file or directory (os error 2)"),
+        ("height-fog", "falloff = -2", "7:11: medium.falloff = -2; it must be at least 0"),
+        ("height-fog", "cells = 5000", "7:9: medium.cells = 5000; it must be a whole number from 1 to 4096"),
+        ("height-fog", "density = 1e16", "7:11: medium.density = 1e16; it must be from 0 to 1e15"),
+        ("noise", "octaves = 0", "4:1: medium.scale is missing, as in scale = 0.5, in metres"),
+        ("noise", "scale = 1\noctaves = 0", "8:11: medium.octaves = 0; it must be a whole number from 1 to 16"),
+        ("noise", "scale = 1\ncontrast = -1", "8:12: medium.contrast = -1; it must be from 0 to 1000"),
+        ("noise", "scale = 0", "7:9: medium.scale = 0; it must be above 0"),
+        (
+            "grid",
+            "file = \"cloud.vdb\"\nnoise = { scale = 1, density = 2 }",
+            "8:22: unknown key `density` in medium.noise; the keys are `scale`, `octaves`, `seed` and `contrast`",
+        ),
     ] {
         let base = BASE.replace("homogeneous", kind);
         let error = load(&format!("{base}{BOX}{rest}"), &[]).unwrap_err().to_string();

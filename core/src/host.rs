@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 /// Bytes of physical memory, where the system says.
-pub(crate) fn physical() -> Option<u64> {
+pub fn memory() -> Option<u64> {
     meminfo("MemTotal:")
 }
 
 /// Bytes that this process could still take, where the system says: what the machine has available, what its control
 /// groups leave, and what its own limit of address space does.
-pub(crate) fn free() -> Option<u64> {
+pub fn free_memory() -> Option<u64> {
     [meminfo("MemAvailable:"), group(), address_space()].into_iter().flatten().min()
 }
 
@@ -65,13 +65,6 @@ fn address_space() -> Option<u64> {
     Some(limit.saturating_sub(taken))
 }
 
-/// The processor's name, where the system says.
-pub(crate) fn processor() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
-    name.map_or_else(|| format!("{} processor", std::env::consts::ARCH), |name| name.trim().to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,7 +98,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn this_machine_has_memory() {
-        assert!(free().unwrap() > 0);
-        assert!(physical().unwrap() >= meminfo("MemAvailable:").unwrap());
+        assert!(free_memory().unwrap() > 0);
+        assert!(memory().unwrap() >= meminfo("MemAvailable:").unwrap());
     }
 }
