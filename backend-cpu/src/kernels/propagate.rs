@@ -133,7 +133,7 @@ fn in_shell(p: &PropagateParams, light: &LightPlace, step: u32, n: u32) -> Optio
     let left = step as i32 - y.abs_diff(light.first[1]) as i32 - z.abs_diff(light.first[2]) as i32;
     // Where no hop is left, both sides are one cell.
     let twice = left == 0 && n % 2 == 1;
-    let x = light.first[0] as i32 + if n % 2 == 0 { left } else { -left };
+    let x = light.first[0] as i32 + if n.is_multiple_of(2) { left } else { -left };
     (left >= 0 && !twice).then_some([x, y as i32, z as i32])
 }
 

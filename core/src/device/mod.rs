@@ -67,7 +67,8 @@ pub trait Device: Any + Send {
     /// No such resources, or sizes that differ.
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError>;
 
-    /// Runs `range` of the stage's work axis ([`Stage::axis`]). Ranges of one stage do not depend on each other.
+    /// Runs `range` of the stage's work axis ([`Stage::axis`]). Ranges of one stage do not depend on each other; those of
+    /// a sequential one ([`Stage::sequential`]) come in order, and the device runs their units in order.
     ///
     /// # Errors
     /// A stage that does not fit its resources; a kernel that does not build or run.

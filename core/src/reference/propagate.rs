@@ -304,7 +304,6 @@ mod tests {
         };
         let [(short, _), (metric, _), (published, ratio)] =
             [scheme::SHORT_CHARACTERISTICS, scheme::METRIC, scheme::PUBLISHED].map(error);
-        eprintln!("{short} {metric} {published} {ratio}");
         assert!(short < 0.01, "{short}");
         assert!((0.03..0.15).contains(&metric), "{metric}");
         assert!((0.4..0.7).contains(&published) && ratio > 1.3, "{published} {ratio}");
