@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use airlight_core::device::{
-    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, FieldSpec, Limits, ResourceId, ResourceSpec, StageTime,
+    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, Limits, ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -21,20 +21,22 @@ pub struct CpuDevice {
     times: Vec<StageTime>,
 }
 
+/// Bytes of a resource for which the system is asked what it has free.
+const LARGE: u64 = 16 << 20;
+
 /// Memory in units of sixteen bytes, so that every element type is aligned.
 struct Resource {
     memory: Vec<[u32; 4]>,
-    bytes: usize,
-    field: Option<FieldSpec>,
+    spec: ResourceSpec,
 }
 
 impl Resource {
     fn bytes(&self) -> &[u8] {
-        &bytemuck::cast_slice(&self.memory)[..self.bytes]
+        &bytemuck::cast_slice(&self.memory)[..self.spec.bytes() as usize]
     }
 
     fn bytes_mut(&mut self) -> &mut [u8] {
-        &mut bytemuck::cast_slice_mut(&mut self.memory)[..self.bytes]
+        &mut bytemuck::cast_slice_mut(&mut self.memory)[..self.spec.bytes() as usize]
     }
 }
 
@@ -88,16 +90,6 @@ impl CpuDevice {
     }
 }
 
-fn span(offset: u64, len: usize, bytes: usize) -> Result<Range<usize>, DeviceError> {
-    if !offset.is_multiple_of(4) || !len.is_multiple_of(4) {
-        return Err(DeviceError::Invalid(format!("{len} bytes from {offset} on are not whole words of 4 bytes")));
-    }
-    let start = usize::try_from(offset).ok().filter(|start| start.checked_add(len).is_some_and(|end| end <= bytes));
-    start
-        .map(|start| start..start + len)
-        .ok_or_else(|| DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes")))
-}
-
 impl Device for CpuDevice {
     fn info(&self) -> &DeviceInfo {
         &self.info
@@ -111,24 +103,27 @@ impl Device for CpuDevice {
         if self.resources.contains_key(&id) {
             return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
         }
-        let field = match spec {
-            ResourceSpec::Field(field) => Some(*field),
-            ResourceSpec::Buffer { .. } => None,
-        };
-        if let Some(field) = field {
+        if let ResourceSpec::Field(field) = spec {
             let layer = field.texels() / u64::from(field.layers.max(1));
             if layer == 0 || layer > i32::MAX as u64 {
                 let limit = i32::MAX as u64;
                 return Err(DeviceError::Limit { what: "a field's layer", requested: layer, limit });
             }
         }
-        let requested = spec.bytes();
+        let (requested, limit) = (spec.bytes(), self.info.limits.buffer_bytes);
+        if requested > limit {
+            return Err(DeviceError::Limit { what: "a resource", requested, limit });
+        }
         let missing = || DeviceError::OutOfMemory { requested, available: host::free_memory() };
+        // A system may promise memory that is not there, and end the process that fills it with zeros.
+        if requested > LARGE && host::free_memory().is_some_and(|free| requested > free) {
+            return Err(missing());
+        }
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
         memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;
         memory.resize(bytes.div_ceil(16), [0; 4]);
-        self.resources.insert(id, Resource { memory, bytes, field });
+        self.resources.insert(id, Resource { memory, spec: *spec });
         Ok(())
     }
 
@@ -138,49 +133,28 @@ impl Device for CpuDevice {
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         let resource = self.get_mut(id)?;
-        if let Some(field) = resource.field {
-            let slice = field.slice_bytes();
-            if !offset.is_multiple_of(slice) || !(data.len() as u64).is_multiple_of(slice) {
-                return Err(DeviceError::Invalid(format!("fields are written in whole slices of {slice} bytes")));
-            }
-        }
-        let span = span(offset, data.len(), resource.bytes)?;
-        resource.bytes_mut()[span].copy_from_slice(data);
+        resource.spec.check_write(offset, data.len())?;
+        resource.bytes_mut()[offset as usize..][..data.len()].copy_from_slice(data);
         Ok(())
     }
 
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         let resource = self.get(id)?;
-        if resource.field.is_some() {
-            return Err(DeviceError::Invalid("fields are not read back; stages write buffers".into()));
-        }
-        let span = span(offset, out.len(), resource.bytes)?;
-        out.copy_from_slice(&resource.bytes()[span]);
+        resource.spec.check_read(offset, out.len())?;
+        out.copy_from_slice(&resource.bytes()[offset as usize..][..out.len()]);
         Ok(())
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
-        let mut target = self
-            .resources
-            .remove(&to)
-            .ok_or_else(|| DeviceError::Invalid(format!("resource {} does not exist", to.0)))?;
-        let done = self.get(from).and_then(|source| {
-            if source.bytes == target.bytes && source.field.is_none() && target.field.is_some() {
-                target.memory.copy_from_slice(&source.memory);
-                Ok(())
-            } else {
-                Err(DeviceError::Invalid("a field is published from a buffer of its size".into()))
-            }
-        });
+        self.get(from)?.spec.check_publish(&self.get(to)?.spec)?;
+        let Some(mut target) = self.resources.remove(&to) else { return Ok(()) };
+        let done = self.get(from).map(|source| target.memory.copy_from_slice(&source.memory));
         self.resources.insert(to, target);
         done
     }
 
     fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
-        stage.validate().map_err(DeviceError::Invalid)?;
-        if range.start > range.end || range.end > stage.axis() {
-            return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
-        }
+        stage.check(&range, |id| self.resources.get(&id).map(|resource| resource.spec))?;
         let begin = Instant::now();
         if range.is_empty() {
             self.times.push(StageTime { stage: stage.name(), range, time: begin.elapsed() });
@@ -192,6 +166,7 @@ impl Device for CpuDevice {
             Stage::Inject(stage) => kernels::inject::run(stage, part, &mut memory, isa),
             Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory),
             Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
+            Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
             Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory),
             Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
         };
@@ -253,7 +228,7 @@ impl<'d> Readable<'d> {
     /// The texels of a field, as floats.
     pub(crate) fn field(self, field: Field) -> Result<&'d [f32], DeviceError> {
         let resource = self.device.get(field.id)?;
-        if resource.field != Some(field.spec) {
+        if resource.spec != ResourceSpec::Field(field.spec) {
             return Err(DeviceError::Invalid(format!("resource {} is not the field {:?}", field.id.0, field.spec)));
         }
         Ok(bytemuck::cast_slice(resource.bytes()))

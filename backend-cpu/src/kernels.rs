@@ -10,6 +10,7 @@ pub(crate) mod maximum;
 pub(crate) mod noise;
 pub(crate) mod phase;
 pub(crate) mod project;
+pub(crate) mod propagate;
 pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;

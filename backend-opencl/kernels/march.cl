@@ -35,6 +35,7 @@ uint4 blocks(const Bound *bound);
 float3 gathered(const Bound *bound, float3 at, const float *basis);
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
 float3 direct(const Bound *bound, float3 at, float3 direction, float t);
+float4 light_depths(const Bound *bound, float3 at, uint layer);
 Optics optics(const Bound *bound, float3 at, int3 size);
 float3 to_index(const Bound *bound, float3 d);
 Incident incident(const Bound *bound, uint i, float3 d, float t);
@@ -242,21 +243,39 @@ float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
 // J from each light.
 float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
     float3 sum = (float3)(0.0f);
+    float4 depths = (float4)(0.0f);
     for (uint i = 0u; i < bound->params->lights; i++) {
+        if (i % 4u == 0u) {
+            depths = light_depths(bound, at, i / 4u);
+        } else {
+            // The next light's comes first.
+            depths = depths.yzwx;
+        }
         Incident light = incident(bound, i, direction, t);
         if (light.falloff <= 0.0f) {
             continue;
         }
         float scale = phase(bound, dot(light.toward, direction)) * light.falloff;
-        float3 transmittance = (float3)(1.0f);
-        if (bound->params->shadow == SHADOW_MARCH) {
+        float optical = depths.x;
+        uint shadow = bound->params->shadow;
+        if (shadow == SHADOW_MARCH || shadow == SHADOW_MEAN) {
             float3 size = convert_float3(bound->params->dims.xyz);
             Ray ray = through(at, to_index(bound, light.toward), size, light.distance, bound->params->step);
-            transmittance = exp(-column(bound, &ray, blocks(bound)) * bound->params->extinction.xyz);
+            optical = shadow == SHADOW_MARCH ? column(bound, &ray, blocks(bound)) : optical * (ray.step * ray.steps);
         }
+        float3 transmittance = exp(-optical * bound->params->extinction.xyz);
         sum += scale * transmittance * bound->lights[i].power.xyz;
     }
     return sum;
+}
+
+// The field toward four lights; zero without one.
+float4 light_depths(const Bound *bound, float3 at, uint layer) {
+    if (!has_light_depth || bound->params->shadow < SHADOW_COLUMN) {
+        return (float4)(0.0f);
+    }
+    float3 place = (at + 0.5f) * bound->params->light_cells_per_voxel.xyz - 0.5f;
+    return sample_light_depth(bound, place, convert_int3(bound->params->light_cells.xyz), (int)layer);
 }
 
 // The optics at `at` in index space.

@@ -3,13 +3,18 @@
 //! What `ocl::core` panics at is avoided here or kept from it by the loader: buffers are never empty, no callback is
 //! given, and a status that it does not know never reaches it.
 
+use std::collections::VecDeque;
 use std::ffi::CString;
+use std::mem;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use airlight_core::device::DeviceError;
 use airlight_opencl_loader::{STAND_IN, take_unknown};
 use ocl::core::{
-    self, ArgVal, CommandQueue, CommandQueueProperties, Context, DeviceId, Error, Event, Kernel, KernelWorkGroupInfo,
-    KernelWorkGroupInfoResult, Mem, MemFlags, ProfilingInfo, ProfilingInfoResult, Program, ProgramBuildInfo, Status,
+    self, ArgVal, CommandExecutionStatus, CommandQueue, CommandQueueProperties, Context, DeviceId, Error, Event,
+    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, Mem, MemFlags, ProfilingInfo, ProfilingInfoResult, Program,
+    ProgramBuildInfo, Status,
 };
 
 /// Work-items of a workgroup, where the device and the kernel take so many.
@@ -23,11 +28,16 @@ pub(crate) struct Cl {
     queue: CommandQueue,
     /// Why the device is gone.
     lost: Option<String>,
+    /// How long a kernel may run.
+    patience: Option<Duration>,
+    /// Kernels that nobody has waited for, with their names.
+    under_way: VecDeque<(Event, &'static str)>,
 }
 
 /// A kernel that was built.
 #[derive(Debug)]
 pub(crate) struct Built {
+    name: &'static str,
     kernel: Kernel,
     /// Work-items of its workgroups, where it may be chosen.
     workgroup: Option<usize>,
@@ -109,7 +119,7 @@ impl Cl {
             core::create_context(None, &[device], None, None).map_err(|e| Fault::new("clCreateContext", &e))?;
         let queue = core::create_command_queue(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))
             .map_err(|e| Fault::new("clCreateCommandQueue", &e))?;
-        Ok(Self { context, device, queue, lost: None })
+        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new() })
     }
 
     /// Fails where the device is gone.
@@ -163,6 +173,7 @@ impl Cl {
         if data.is_empty() {
             return Ok(());
         }
+        self.wait_patiently()?;
         let at = offset as usize;
         // SAFETY: the call blocks, so that the data outlive it, and the caller has checked that they fit.
         #[allow(unsafe_code)]
@@ -177,6 +188,7 @@ impl Cl {
         if out.is_empty() {
             return self.finish();
         }
+        self.wait_patiently()?;
         let (at, bytes) = (offset as usize, out.len() as u64);
         // SAFETY: the call blocks, so that the memory outlives it, and the caller has checked that it fits.
         #[allow(unsafe_code)]
@@ -203,7 +215,7 @@ impl Cl {
     }
 
     /// Builds a kernel. Faults in its text begin with their file and line.
-    pub(crate) fn build(&mut self, name: &str, text: &str, options: &str) -> Result<Built, DeviceError> {
+    pub(crate) fn build(&mut self, name: &'static str, text: &str, options: &str) -> Result<Built, DeviceError> {
         self.check()?;
         let words =
             |text: &str| CString::new(text).map_err(|_| DeviceError::Invalid(format!("{name} contains a zero")));
@@ -218,7 +230,7 @@ impl Cl {
         let kernel = self.done("clCreateKernel", 0, core::create_kernel(&program, name))?;
         let most = core::get_kernel_work_group_info(&kernel, self.device, KernelWorkGroupInfo::WorkGroupSize);
         let fits = matches!(most, Ok(KernelWorkGroupInfoResult::WorkGroupSize(most)) if most >= WORKGROUP);
-        Ok(Built { kernel, workgroup: fits.then_some(WORKGROUP) })
+        Ok(Built { name, kernel, workgroup: fits.then_some(WORKGROUP) })
     }
 
     fn is_built(&self, program: &Program) -> bool {
@@ -287,12 +299,50 @@ impl Cl {
         self.done("clEnqueueNDRangeKernel", 0, sent)?;
         let flushed = core::flush(&self.queue);
         self.done("clFlush", 0, flushed)?;
+        self.under_way.push_back((event.clone(), built.name));
         Ok(event)
+    }
+
+    /// Sets how long a kernel may run from now on.
+    pub(crate) fn set_patience(&mut self, patience: Option<Duration>) {
+        self.patience = patience;
+    }
+
+    /// To be called before anything that waits for all work, which cannot be given up: where there is a limit of that,
+    /// waits for every kernel under way.
+    fn wait_patiently(&mut self) -> Result<(), DeviceError> {
+        let Some(patience) = self.patience else {
+            self.under_way.clear();
+            return Ok(());
+        };
+        while let Some((event, name)) = self.under_way.pop_front() {
+            // The queue runs in order, so that this kernel runs since the last one ended.
+            let begin = Instant::now();
+            let mut pause = Duration::from_micros(20);
+            // What fails is told by what waits for it.
+            while matches!(core::event_status(&event), Ok(status) if status != CommandExecutionStatus::Complete) {
+                if begin.elapsed() > patience {
+                    return Err(self.give_up(name, patience));
+                }
+                thread::sleep(pause);
+                pause = (2 * pause).min(Duration::from_millis(1));
+            }
+        }
+        Ok(())
+    }
+
+    /// Leaves a kernel that does not end to itself. Its queue and context are never released, because that may wait.
+    fn give_up(&mut self, stage: &'static str, patience: Duration) -> DeviceError {
+        let error = DeviceError::Timeout { stage, patience };
+        self.lost = Some(error.to_string());
+        mem::forget((self.queue.clone(), self.context.clone()));
+        error
     }
 
     /// Waits for all work.
     pub(crate) fn finish(&mut self) -> Result<(), DeviceError> {
         self.check()?;
+        self.wait_patiently()?;
         let waited = core::finish(&self.queue);
         self.done("clFinish", 0, waited)
     }

@@ -18,14 +18,14 @@ pub(crate) struct Clock {
 struct Dispatched {
     stage: &'static str,
     range: Range<u32>,
-    /// The kernel's run; none where there was nothing to run.
-    event: Option<Event>,
+    /// The kernel's runs; none where there was nothing to run.
+    events: Vec<Event>,
 }
 
 impl Clock {
     /// Books a dispatch.
-    pub(crate) fn book(&mut self, stage: &'static str, range: Range<u32>, event: Option<Event>) {
-        self.dispatches.push(Dispatched { stage, range, event });
+    pub(crate) fn book(&mut self, stage: &'static str, range: Range<u32>, events: Vec<Event>) {
+        self.dispatches.push(Dispatched { stage, range, events });
     }
 
     /// Waits for all work, and gives the time of each dispatch in order.
@@ -33,7 +33,7 @@ impl Clock {
         let dispatches = std::mem::take(&mut self.dispatches);
         cl.finish()?;
         let time = |d: Dispatched| {
-            let nanos = d.event.map_or(Ok(0), |event| cl.time(&event))?;
+            let nanos = d.events.iter().try_fold(0, |sum, event| cl.time(event).map(|time| sum + time))?;
             Ok(StageTime { stage: d.stage, range: d.range, time: Duration::from_nanos(nanos) })
         };
         dispatches.into_iter().map(time).collect()

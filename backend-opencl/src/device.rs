@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::ops::Range;
+use std::time::Duration;
 
-use airlight_core::device::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
+use airlight_core::device::{Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime};
 use airlight_core::stage::Stage;
 use bytemuck::Zeroable;
 
@@ -26,17 +27,6 @@ pub struct OpenclDevice {
     clock: Clock,
 }
 
-/// Whether `len` bytes from `offset` on are whole words within `bytes` bytes.
-fn span(offset: u64, len: usize, bytes: u64) -> Result<(), DeviceError> {
-    if !offset.is_multiple_of(4) || !len.is_multiple_of(4) {
-        return Err(DeviceError::Invalid(format!("{len} bytes from {offset} on are not whole words of 4 bytes")));
-    }
-    match offset.checked_add(len as u64) {
-        Some(end) if end <= bytes => Ok(()),
-        _ => Err(DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes"))),
-    }
-}
-
 impl OpenclDevice {
     /// An opened device.
     pub(crate) fn new(info: DeviceInfo, cl: Cl, options: &'static str) -> Self {
@@ -55,11 +45,19 @@ impl OpenclDevice {
                 place.insert(self.cl.build(source.name, &text, self.options)?)
             }
         };
-        let launch = Launch { start: range.start, count: range.len() as u32, ..Launch::zeroed() };
-        let constants = [stage.params(), bytemuck::bytes_of(&launch)].concat();
-        let items = range.len() as u64 * u64::from(source.items);
-        let event = self.cl.run(kernel, &constants, &args, items)?;
-        self.clock.book(stage.name(), range, Some(event));
+        // Units of a sequential stage are dispatches of their own: the queue is in order.
+        let (units, count) = match stage.sequential() {
+            Some(items) => (range.clone(), items),
+            None => (range.start..range.start + 1, range.len() as u32),
+        };
+        let mut events = Vec::new();
+        for start in units {
+            let launch = Launch { start, count, ..Launch::zeroed() };
+            let constants = [stage.params(), bytemuck::bytes_of(&launch)].concat();
+            let items = u64::from(count) * u64::from(source.items);
+            events.push(self.cl.run(kernel, &constants, &args, items)?);
+        }
+        self.clock.book(stage.name(), range, events);
         Ok(())
     }
 }
@@ -80,50 +78,32 @@ impl Device for OpenclDevice {
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.cl.check()?;
-        match self.store.get(id)? {
-            Resource::Buffer(memory) => {
-                span(offset, data.len(), memory.bytes)?;
-                self.cl.write(&memory.mem, offset, data)
-            }
-            Resource::Field(volume) => {
-                let slice = volume.spec.slice_bytes();
-                if !offset.is_multiple_of(slice) || !(data.len() as u64).is_multiple_of(slice) {
-                    return Err(DeviceError::Invalid(format!("fields are written in whole slices of {slice} bytes")));
-                }
-                span(offset, data.len(), volume.spec.bytes())?;
-                volume.write(&mut self.cl, (offset / slice) as u32, data)
-            }
+        let resource = self.store.get(id)?;
+        resource.spec().check_write(offset, data.len())?;
+        match resource {
+            Resource::Buffer(memory) => self.cl.write(&memory.mem, offset, data),
+            Resource::Field(volume) => volume.write(&mut self.cl, (offset / volume.spec.slice_bytes()) as u32, data),
         }
     }
 
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         self.cl.check()?;
-        let memory = self.store.buffer(id)?;
-        span(offset, out.len(), memory.bytes)?;
-        self.cl.read(&memory.mem, offset, out)
+        self.store.get(id)?.spec().check_read(offset, out.len())?;
+        self.cl.read(&self.store.buffer(id)?.mem, offset, out)
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
         self.cl.check()?;
-        let volume = self.store.field(to)?;
-        let source = self.store.buffer(from)?;
-        if source.bytes != volume.spec.bytes() {
-            let (held, bytes) = (source.bytes, volume.spec.bytes());
-            let text = format!("a field of {bytes} bytes is not published from a buffer of {held}");
-            return Err(DeviceError::Invalid(text));
-        }
+        self.store.get(from)?.spec().check_publish(&self.store.get(to)?.spec())?;
         // Texels of a field lie as stages write them, so that no kernel is needed.
-        volume.publish(&mut self.cl, &source.mem)
+        self.store.field(to)?.publish(&mut self.cl, &self.store.buffer(from)?.mem)
     }
 
     fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
         self.cl.check()?;
-        stage.validate().map_err(DeviceError::Invalid)?;
-        if range.start > range.end || range.end > stage.axis() {
-            return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
-        }
+        stage.check(&range, |id| self.store.get(id).ok().map(Resource::spec))?;
         if range.is_empty() {
-            self.clock.book(stage.name(), range, None);
+            self.clock.book(stage.name(), range, Vec::new());
             return Ok(());
         }
         self.run_stage(stage, range)
@@ -131,5 +111,16 @@ impl Device for OpenclDevice {
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
         self.clock.finish(&mut self.cl)
+    }
+
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        self.cl.set_patience(patience);
+    }
+
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        // Sides of fields are cut nowhere.
+        let Limits { field_side, .. } = self.info.limits;
+        self.info.limits = Limits { field_side, ..self.info.limits.min(limits) };
+        true
     }
 }

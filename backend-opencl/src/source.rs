@@ -17,7 +17,7 @@ kernel_struct! {
     pub struct Launch {
         /// First unit.
         start: U32,
-        /// Units.
+        /// Units; of a sequential stage the items of one unit.
         count: U32,
         /// Unused.
         unused_0: U32,
@@ -53,7 +53,7 @@ fn helper(helper: Helper) -> KernelFile {
 pub(crate) struct Source {
     /// Name of the entry point.
     pub(crate) name: &'static str,
-    /// Work-items of a unit of the work axis.
+    /// Work-items of a unit of the work axis, or of an item of a unit where the stage is sequential.
     pub(crate) items: u32,
     file: KernelFile,
     recipe: Recipe,
@@ -64,6 +64,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
     let (file, items) = match stage {
         Stage::Reduce(_) => (file!("reduce.cl"), 1),
         Stage::Project(_) => (file!("project.cl"), 1),
+        Stage::Propagate(_) => (file!("propagate.cl"), 1),
         Stage::Relight(_) => (file!("relight.cl"), 1),
         Stage::March(_) => (file!("march.cl"), March::BLOCK * March::BLOCK),
         Stage::Inject(_) => (file!("inject.cl"), Inject::BRICK * Inject::BRICK),

@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldSpec, Limits, ResourceId, ResourceSpec, Slabs};
+use airlight_core::device::{
+    Binding, BindingAccess, DeviceError, FieldSpec, Limits, ResourceId, ResourceSpec, Slabs, Usage,
+};
 use ocl::core::Mem;
 
 use crate::cl::{Arg, Cl};
@@ -48,6 +50,14 @@ impl Resource {
                 Ok(Self::Buffer(Memory { mem: cl.zeros(bytes)?, bytes }))
             }
             ResourceSpec::Field(spec) => Volume::new(cl, *spec, limits).map(Self::Field),
+        }
+    }
+
+    /// What was asked for.
+    pub(crate) fn spec(&self) -> ResourceSpec {
+        match self {
+            Self::Buffer(memory) => ResourceSpec::Buffer { bytes: memory.bytes, usage: Usage::Work },
+            Self::Field(volume) => ResourceSpec::Field(volume.spec),
         }
     }
 }
@@ -154,10 +164,11 @@ impl Store {
     }
 
     /// The shapes of a stage's bindings, which decide its kernel, and the kernel's arguments, in the order of
-    /// [`Source::text`](crate::source::Source::text).
+    /// [`Source::text`](crate::source::Source::text), of a stage that passed
+    /// [`Stage::check`](airlight_core::stage::Stage::check).
     ///
     /// # Errors
-    /// Resources that are not what the stage takes them for.
+    /// Resources that do not exist.
     pub(crate) fn bind(&self, bindings: &[Binding]) -> Result<(Vec<Shape>, Vec<Arg<'_>>), DeviceError> {
         let (mut shapes, mut args) = (Vec::new(), Vec::new());
         for binding in bindings {
@@ -165,10 +176,6 @@ impl Store {
             match (binding.access, binding.id) {
                 (BindingAccess::Sample(spec), Some(id)) => {
                     let volume = self.field(id)?;
-                    if volume.spec != spec {
-                        let text = format!("{} is {:?}, not {spec:?}", binding.name, volume.spec);
-                        return Err(DeviceError::Invalid(text));
-                    }
                     slabs = volume.slabs.count();
                     args.extend(volume.parts.iter().map(Arg::Mem));
                     args.extend((spec.layers > 1).then_some(Arg::Int(spec.layers as i32)));
@@ -176,10 +183,6 @@ impl Store {
                 }
                 (BindingAccess::Read(bytes) | BindingAccess::Write(bytes), Some(id)) => {
                     let memory = self.buffer(id)?;
-                    if bytes > memory.bytes {
-                        let text = format!("{} of {bytes} bytes holds {}", binding.name, memory.bytes);
-                        return Err(DeviceError::Invalid(text));
-                    }
                     args.push(Arg::Mem(&memory.mem));
                     if matches!(binding.access, BindingAccess::Read(_)) {
                         args.push(Arg::Uint(u32::try_from(bytes / 4).unwrap_or(u32::MAX)));

@@ -201,22 +201,40 @@ fn in_scatter_at(place: vec3<f32>, layer: u32) -> vec3<f32> {
 // J from each light.
 fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
+    var depths = vec4<f32>(0.0);
     for (var i = 0u; i < params.lights; i++) {
+        if i % 4u == 0u {
+            depths = light_depths(at, i / 4u);
+        }
         let record = lights[i];
         let light = incident(record, direction, t);
         if light.falloff <= 0.0 {
             continue;
         }
         let scale = phase(dot(light.toward, direction)) * light.falloff;
-        var transmittance = vec3<f32>(1.0);
-        if params.shadow == SHADOW_MARCH {
+        var optical = depths[i % 4u];
+        if params.shadow == SHADOW_MARCH || params.shadow == SHADOW_MEAN {
             let size = vec3<f32>(params.dims.xyz);
             let ray = through(at, to_index(light.toward), size, light.distance, params.step);
-            transmittance = exp(-column(ray, blocks()) * params.extinction.xyz);
+            if params.shadow == SHADOW_MARCH {
+                optical = column(ray, blocks());
+            } else {
+                optical *= ray.step * ray.steps;
+            }
         }
+        let transmittance = exp(-optical * params.extinction.xyz);
         sum += scale * transmittance * record.power.xyz;
     }
     return sum;
+}
+
+// The field toward four lights; zero without one.
+fn light_depths(at: vec3<f32>, layer: u32) -> vec4<f32> {
+    if !has_light_depth || params.shadow < SHADOW_COLUMN {
+        return vec4<f32>(0.0);
+    }
+    let place = (at + 0.5) * params.light_cells_per_voxel.xyz - 0.5;
+    return sample_light_depth(place, vec3<i32>(params.light_cells.xyz), i32(layer));
 }
 
 // What the medium does to light at a point, per channel: extinction in 1/m, emission in W m^-3 sr^-1.

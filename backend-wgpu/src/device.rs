@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, ResourceId, ResourceSpec, StageTime,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, Limits, ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -37,17 +38,6 @@ pub struct WgpuDevice {
     /// Where texture units interpolate.
     pub(crate) sampler: Option<Sampler>,
     clock: Clock,
-}
-
-/// Whether `len` bytes from `offset` on are whole words within `bytes` bytes.
-fn span(offset: u64, len: usize, bytes: u64) -> Result<(), DeviceError> {
-    if !offset.is_multiple_of(4) || !len.is_multiple_of(4) {
-        return Err(DeviceError::Invalid(format!("{len} bytes from {offset} on are not whole words of 4 bytes")));
-    }
-    match offset.checked_add(len as u64) {
-        Some(end) if end <= bytes => Ok(()),
-        _ => Err(DeviceError::Invalid(format!("{len} bytes from {offset} on leave a resource of {bytes} bytes"))),
-    }
 }
 
 impl WgpuDevice {
@@ -111,14 +101,20 @@ impl WgpuDevice {
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
         let units = source::of(stage).units;
-        let launches = Launches { params: stage.params(), units, shots, limits: &self.limits };
+        let (params, sequential) = (stage.params(), stage.sequential());
+        let launches = Launches { params, units, sequential, shots, limits: &self.limits };
         let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
-        let run = launches.run(&self.gpu, &pipeline, stamps);
-        if run.is_err() {
-            // A dispatch that failed has no time.
-            self.clock.take_back();
+        match launches.run(&self.gpu, &pipeline, stamps) {
+            Ok(sent) => {
+                self.gpu.sent(stage.name(), sent);
+                Ok(())
+            }
+            Err(error) => {
+                // A dispatch that failed has no time.
+                self.clock.take_back();
+                Err(error)
+            }
         }
-        run
     }
 }
 
@@ -145,9 +141,10 @@ impl Device for WgpuDevice {
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        match self.store.get(id)? {
+        let resource = self.store.get(id)?;
+        resource.spec().check_write(offset, data.len())?;
+        match resource {
             Resource::Buffer(memory) => {
-                span(offset, data.len(), memory.bytes)?;
                 let mut at = offset;
                 for chunk in data.chunks(STAGING as usize) {
                     let bytes = chunk.len() as u64;
@@ -157,32 +154,19 @@ impl Device for WgpuDevice {
                 }
                 Ok(())
             }
-            Resource::Field(volume) => {
-                let slice = volume.spec.slice_bytes();
-                if !offset.is_multiple_of(slice) || !(data.len() as u64).is_multiple_of(slice) {
-                    return Err(DeviceError::Invalid(format!("fields are written in whole slices of {slice} bytes")));
-                }
-                span(offset, data.len(), volume.spec.bytes())?;
-                volume.write(&mut self.gpu, (offset / slice) as u32, data)
-            }
+            Resource::Field(volume) => volume.write(&mut self.gpu, (offset / volume.spec.slice_bytes()) as u32, data),
         }
     }
 
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        let memory = self.store.buffer(id)?;
-        span(offset, out.len(), memory.bytes)?;
-        self.gpu.read(&memory.buffer, offset, out)
+        self.store.get(id)?.spec().check_read(offset, out.len())?;
+        self.gpu.read(&self.store.buffer(id)?.buffer, offset, out)
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        let spec = self.store.field(to)?.spec;
-        let held = self.store.buffer(from)?.bytes;
-        if held != spec.bytes() {
-            let text = format!("a field of {} bytes is not published from a buffer of {held}", spec.bytes());
-            return Err(DeviceError::Invalid(text));
-        }
+        let spec = self.store.get(from)?.spec().check_publish(&self.store.get(to)?.spec())?;
         let pipeline = self.publisher(spec.format)?;
         let volume = self.store.field(to)?;
         // The work axis is the texels of a layer; each is a part of the buffer, with all its layers.
@@ -191,7 +175,7 @@ impl Device for WgpuDevice {
             return Err(DeviceError::Limit { what: "the texels of a layer", requested, limit: u32::MAX.into() });
         };
         let words = spec.format.bytes() / 4 * u64::from(spec.layers);
-        let source: Buf<f32> = Buf::new(from, held / 4);
+        let source: Buf<f32> = Buf::new(from, spec.bytes() / 4);
         let binding = [Binding::read("buffer", Some(source)).in_parts::<f32>(words)];
         let cut = Cut::new(texels, 1, &binding, self.binding_limits())?;
         for (slab, (_, view)) in volume.textures.iter().enumerate() {
@@ -205,17 +189,16 @@ impl Device for WgpuDevice {
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
-            Launches { params, units, shots, limits: &self.limits }.run(&self.gpu, &pipeline, None)?;
+            let launches = Launches { params, units, sequential: None, shots, limits: &self.limits };
+            let sent = launches.run(&self.gpu, &pipeline, None)?;
+            self.gpu.sent("publishing", sent);
         }
         Ok(())
     }
 
     fn dispatch(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
         self.gpu.enter()?;
-        stage.validate().map_err(DeviceError::Invalid)?;
-        if range.start > range.end || range.end > stage.axis() {
-            return Err(DeviceError::Invalid(format!("{range:?} is not a part of {}", stage.axis())));
-        }
+        stage.check(&range, |id| self.store.get(id).ok().map(Resource::spec))?;
         if range.is_empty() {
             self.clock.idle(stage.name(), range);
             return Ok(());
@@ -230,5 +213,14 @@ impl Device for WgpuDevice {
     fn flush(&mut self) -> Result<(), DeviceError> {
         self.clock.forget();
         self.gpu.flush()
+    }
+
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        self.gpu.set_patience(patience);
+    }
+
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        self.info.limits = self.info.limits.min(limits);
+        true
     }
 }

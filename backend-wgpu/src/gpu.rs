@@ -1,9 +1,12 @@
 //! wgpu's device and queue, with every fault turned into an error of ours.
 
+use std::collections::VecDeque;
+use std::mem;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::time::Duration;
 
 use airlight_core::device::DeviceError;
-use wgpu::{Buffer, BufferDescriptor, BufferUsages, ErrorFilter, PollType};
+use wgpu::{Buffer, BufferDescriptor, BufferUsages, ErrorFilter, PollError, PollType, SubmissionIndex};
 
 /// Bytes that are read back, or written, at a time: staging memory is bounded by it.
 pub(crate) const STAGING: u64 = 32 << 20;
@@ -27,6 +30,10 @@ pub(crate) struct Gpu {
     written: u64,
     /// Whether nobody else uses the device.
     own: bool,
+    /// How long a submission may take.
+    patience: Option<Duration>,
+    /// Submissions that nobody has waited for, with what they are.
+    under_way: VecDeque<(SubmissionIndex, &'static str)>,
 }
 
 /// For the owner of a device that is shared: tells of its loss, of which wgpu informs only one.
@@ -64,13 +71,17 @@ impl Gpu {
             let text = if text.is_empty() { format!("{reason:?}") } else { text };
             faults.lost.get_or_insert(text);
         });
-        Self { device, queue, faults, written: 0, own: true }
+        Self { own: true, ..Self::with(device, queue, faults) }
     }
 
     /// A device that others use too. wgpu has one listener each for uncaptured errors and for the loss of the device,
     /// and they are the others': errors of ours are all caught where they arise ([`Gpu::guarded`]).
     pub(crate) fn shared(device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        Self { device, queue, faults: Arc::default(), written: 0, own: false }
+        Self::with(device, queue, Arc::default())
+    }
+
+    fn with(device: wgpu::Device, queue: wgpu::Queue, faults: Arc<Mutex<Faults>>) -> Self {
+        Self { device, queue, faults, written: 0, own: false, patience: None, under_way: VecDeque::new() }
     }
 
     /// What tells of the loss of a device that is shared.
@@ -131,6 +142,7 @@ impl Gpu {
 
     /// Sends what was written on its way.
     pub(crate) fn flush(&mut self) -> Result<(), DeviceError> {
+        self.under_way.clear();
         if self.written > 0 {
             self.written = 0;
             self.guarded(0, || self.queue.submit([]))?;
@@ -138,12 +150,40 @@ impl Gpu {
         self.check()
     }
 
-    /// Waits for all work so far.
+    /// Sets how long a submission may take from now on.
+    pub(crate) fn set_patience(&mut self, patience: Option<Duration>) {
+        self.patience = patience;
+    }
+
+    /// Books a submission that will be waited for.
+    pub(crate) fn sent(&mut self, what: &'static str, submission: SubmissionIndex) {
+        self.under_way.push_back((submission, what));
+    }
+
+    /// Waits for all work so far, or until something of it takes too long.
     pub(crate) fn wait(&mut self) -> Result<(), DeviceError> {
         self.written = 0;
+        while let Some((submission, stage)) = self.under_way.pop_front() {
+            let Some(patience) = self.patience else { continue };
+            // The queue runs in order, so that this one runs since the last one ended.
+            let wait = PollType::Wait { submission_index: Some(submission), timeout: Some(patience) };
+            match self.guarded(0, || self.device.poll(wait))? {
+                Err(PollError::Timeout) => return Err(self.give_up(stage, patience)),
+                waited => waited.map_err(|error| DeviceError::Backend(error.to_string()))?,
+            };
+        }
         let waited = self.guarded(0, || self.device.poll(PollType::wait_indefinitely()))?;
         waited.map_err(|error| DeviceError::Backend(error.to_string()))?;
         self.check()
+    }
+
+    /// Leaves what does not end to itself. Device and queue are never released, because that waits.
+    fn give_up(&mut self, stage: &'static str, patience: Duration) -> DeviceError {
+        let error = DeviceError::Timeout { stage, patience };
+        let mut faults = self.faults.lock().unwrap_or_else(PoisonError::into_inner);
+        faults.lost.get_or_insert(error.to_string());
+        mem::forget((self.device.clone(), self.queue.clone()));
+        error
     }
 
     /// Reads from `offset` of a buffer on, after all work so far.

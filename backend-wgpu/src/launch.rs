@@ -4,7 +4,10 @@ use std::ops::Range;
 
 use airlight_core::device::DeviceError;
 use bytemuck::Zeroable;
-use wgpu::{BindGroup, BindGroupEntry, BindingResource, Buffer, BufferBinding, BufferSize, BufferUsages, QuerySet};
+use wgpu::{
+    BindGroup, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding, BufferSize, BufferUsages,
+    QuerySet, SubmissionIndex,
+};
 
 use crate::gpu::Gpu;
 use crate::pipeline::Pipeline;
@@ -28,8 +31,10 @@ pub(crate) struct Shot<'s> {
 #[derive(Debug)]
 pub(crate) struct Launches<'s> {
     pub(crate) params: &'s [u8],
-    /// Units that a workgroup takes.
+    /// Units that a workgroup takes, or items of a unit.
     pub(crate) units: u32,
+    /// Where units run in order, one a dispatch: the items of a unit.
+    pub(crate) sequential: Option<u32>,
     pub(crate) shots: Vec<Shot<'s>>,
     pub(crate) limits: &'s wgpu::Limits,
 }
@@ -41,23 +46,17 @@ impl Launches<'_> {
         gpu: &Gpu,
         pipeline: &Pipeline,
         stamps: Option<(&QuerySet, u32)>,
-    ) -> Result<(), DeviceError> {
+    ) -> Result<SubmissionIndex, DeviceError> {
         let most = self.limits.max_compute_workgroups_per_dimension.max(1);
         let params = self.params.len().next_multiple_of(UNIFORM);
         let mut uniforms = self.params.to_vec();
         let mut sizes = Vec::new();
-        for (n, shot) in self.shots.iter().enumerate() {
-            let workgroups = (shot.range.len() as u32).div_ceil(self.units);
+        for (shot, start, count) in self.dispatches() {
+            let workgroups = count.div_ceil(self.units);
             let across = workgroups.min(most).max(1);
-            let launch = Launch {
-                start: shot.range.start,
-                count: shot.range.len() as u32,
-                first: shot.first,
-                across,
-                infinity: f32::INFINITY,
-                ..Launch::zeroed()
-            };
-            uniforms.resize(params + n * UNIFORM, 0);
+            let first = shot.first;
+            let launch = Launch { start, count, first, across, infinity: f32::INFINITY, ..Launch::zeroed() };
+            uniforms.resize(params + sizes.len() * UNIFORM, 0);
             uniforms.extend(bytemuck::bytes_of(&launch));
             sizes.push([across, workgroups.div_ceil(across)]);
         }
@@ -75,42 +74,58 @@ impl Launches<'_> {
                 }),
             });
             pass.set_pipeline(&pipeline.compute);
-            for ((n, shot), [x, y]) in self.shots.iter().enumerate().zip(sizes) {
+            let mut bound: Option<&Bound<'_>> = None;
+            for (n, ((shot, ..), &[x, y])) in self.dispatches().zip(&sizes).enumerate() {
                 let at = (params + n * UNIFORM) as u64;
-                for (group, bind) in (0..).zip(self.bind(gpu, pipeline, &buffer, at, &shot.bound)) {
-                    pass.set_bind_group(group, &bind, &[]);
+                pass.set_bind_group(0, &self.constants(gpu, pipeline, &buffer, at), &[]);
+                // Units of one piece see the same buffers.
+                if !bound.is_some_and(|bound| std::ptr::eq(bound, &shot.bound)) {
+                    for (group, bind) in (1..).zip(bind(gpu, pipeline, &shot.bound)) {
+                        pass.set_bind_group(group, &bind, &[]);
+                    }
+                    bound = Some(&shot.bound);
                 }
+                // Each dispatch sees what the ones before it wrote.
                 pass.dispatch_workgroups(x, y, 1);
             }
             drop(pass);
-            gpu.queue.submit([encoder.finish()]);
+            gpu.queue.submit([encoder.finish()])
         })
     }
 
-    fn bind(
-        &self,
-        gpu: &Gpu,
-        pipeline: &Pipeline,
-        uniforms: &Buffer,
-        launch_at: u64,
-        bound: &Bound<'_>,
-    ) -> Vec<BindGroup> {
-        let launch = (1, uniforms, launch_at, size_of::<Launch>() as u64);
-        let fixed = [(0, uniforms, 0, self.params.len() as u64), launch];
-        let textures = bound
-            .textures
-            .iter()
-            .map(|&(binding, view)| BindGroupEntry { binding, resource: BindingResource::TextureView(view) });
-        let sampler = pipeline.sampler.as_ref();
-        let sampler = sampler.map(|s| BindGroupEntry { binding: 2, resource: BindingResource::Sampler(s) });
-        let fixed = buffers(&fixed).into_iter().chain(sampler).collect();
-        let entries = [fixed, buffers(&bound.buffers), textures.collect()];
-        let layouts = pipeline.layouts.iter().zip(&entries);
-        let group = |(layout, entries): (_, &Vec<_>)| {
-            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries })
-        };
-        layouts.map(group).collect()
+    /// The dispatches in order: the piece, its first unit, and its units or the items of the one.
+    fn dispatches(&self) -> impl Iterator<Item = (&Shot<'_>, u32, u32)> {
+        self.shots.iter().flat_map(|shot| {
+            let (units, count) = match self.sequential {
+                Some(items) => (shot.range.clone(), items),
+                None => (shot.range.start..shot.range.start + 1, shot.range.len() as u32),
+            };
+            units.map(move |unit| (shot, unit, count))
+        })
     }
+
+    /// Parameters, where the dispatch stands, and the filter of fields that are filtered by the texture unit.
+    fn constants(&self, gpu: &Gpu, pipeline: &Pipeline, uniforms: &Buffer, launch_at: u64) -> BindGroup {
+        let launch = (1, uniforms, launch_at, size_of::<Launch>() as u64);
+        let mut entries = buffers(&[(0, uniforms, 0, self.params.len() as u64), launch]);
+        let sampler = pipeline.sampler.as_ref();
+        entries.extend(sampler.map(|s| BindGroupEntry { binding: 2, resource: BindingResource::Sampler(s) }));
+        group(gpu, &pipeline.layouts[0], &entries)
+    }
+}
+
+/// Buffers and textures.
+fn bind(gpu: &Gpu, pipeline: &Pipeline, bound: &Bound<'_>) -> Vec<BindGroup> {
+    let textures = bound
+        .textures
+        .iter()
+        .map(|&(binding, view)| BindGroupEntry { binding, resource: BindingResource::TextureView(view) });
+    let entries = [buffers(&bound.buffers), textures.collect()];
+    pipeline.layouts[1..].iter().zip(&entries).map(|(layout, entries)| group(gpu, layout, entries)).collect()
+}
+
+fn group(gpu: &Gpu, layout: &BindGroupLayout, entries: &[BindGroupEntry<'_>]) -> BindGroup {
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries })
 }
 
 fn buffers<'b>(all: &[(u32, &'b Buffer, u64, u64)]) -> Vec<BindGroupEntry<'b>> {

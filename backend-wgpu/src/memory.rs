@@ -1,6 +1,6 @@
 //! What a device holds: buffers, and fields as textures.
 
-use airlight_core::device::{DeviceError, FieldFormat, FieldSpec, Limits, ResourceSpec, Slabs};
+use airlight_core::device::{DeviceError, FieldFormat, FieldSpec, Limits, ResourceSpec, Slabs, Usage};
 use wgpu::{Buffer, BufferUsages, Extent3d, Texture, TextureDimension, TextureFormat, TextureUsages, TextureView};
 
 use crate::gpu::Gpu;
@@ -66,6 +66,14 @@ impl Resource {
                 Ok(Self::Buffer(Memory { buffer: gpu.buffer("buffer", size, usage)?, bytes: *bytes }))
             }
             ResourceSpec::Field(spec) => Volume::new(gpu, *spec, limits).map(Self::Field),
+        }
+    }
+
+    /// What was asked for.
+    pub(crate) fn spec(&self) -> ResourceSpec {
+        match self {
+            Self::Buffer(memory) => ResourceSpec::Buffer { bytes: memory.bytes, usage: Usage::Work },
+            Self::Field(volume) => ResourceSpec::Field(volume.spec),
         }
     }
 }

@@ -17,7 +17,7 @@ kernel_struct! {
     pub struct Launch {
         /// First unit.
         start: U32,
-        /// Units.
+        /// Units; of a sequential stage the items of one unit.
         count: U32,
         /// First group of the buffers that are bound in parts.
         first: U32,
@@ -71,7 +71,7 @@ fn helper(helper: Helper) -> KernelFile {
 pub(crate) struct Source {
     /// Name of the entry point.
     pub(crate) name: &'static str,
-    /// Units of the work axis that one workgroup takes.
+    /// Units of the work axis that one workgroup takes, or items of a unit where the stage is sequential.
     pub(crate) units: u32,
     file: KernelFile,
     recipe: Recipe,
@@ -82,6 +82,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
     let (file, units) = match stage {
         Stage::Reduce(_) => (file!("reduce.wgsl"), 64),
         Stage::Project(_) => (file!("project.wgsl"), 1),
+        Stage::Propagate(_) => (file!("propagate.wgsl"), 64),
         Stage::Relight(_) => (file!("relight.wgsl"), 64),
         Stage::March(_) => (file!("march.wgsl"), 1),
         Stage::Inject(_) => (file!("inject.wgsl"), 1),

@@ -2,13 +2,15 @@
 
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
-use airlight::glam::DVec3;
+use airlight::glam::{DVec3, Vec3};
+use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Lattice, Medium};
 use airlight::random::{hash, unit};
 use airlight::scene::Camera;
+use airlight::stage::propagate::{self, scheme};
 use airlight::stage::{
-    BlobRecord, GridParams, Inject, InjectParams, March, MarchParams, Project, ProjectParams, Reduce, ReduceParams,
-    Relight, RelightParams, Stage, inject_kind, shadow_kind,
+    BlobRecord, GridParams, Inject, InjectParams, LightPlace, March, MarchParams, Project, ProjectParams, Propagate,
+    PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Stage, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -23,7 +25,7 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 5] = ["reduce", "project", "relight", "march", "inject"];
+pub const STAGES: [&str; 6] = ["inject", "reduce", "project", "propagate", "relight", "march"];
 
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
@@ -141,6 +143,7 @@ impl Rig {
         let (made, unit) = match name {
             "reduce" => (self.reduce(), "voxels"),
             "project" => (self.project(), "cells"),
+            "propagate" => (self.propagate(), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
@@ -221,6 +224,31 @@ impl Rig {
         Ok((Stage::Project(stage), cells(CELLS)))
     }
 
+    /// `propagate` by short characteristics, from a light in the middle. Its elements are the cells.
+    fn propagate(&mut self) -> Result<(Stage, u64), DeviceError> {
+        let (lattice, grid) = (lattice(), GridParams::new(&lattice()));
+        let light = Light::Point { position: lattice.center() + 0.3 * lattice.edges(), intensity: Vec3::ONE };
+        let place = LightPlace::new(&light, &lattice, CELLS, scheme::SHORT_CHARACTERISTICS);
+        let faces = propagate::faces(&[place], CELLS);
+        let mut params = PropagateParams::zeroed();
+        params.dims = grid.dims;
+        [params.world_x, params.world_y, params.world_z] = grid.world;
+        params.cells = [CELLS[0], CELLS[1], CELLS[2], 1];
+        let side = |a: usize| DIMS[a] as f32 / CELLS[a] as f32;
+        params.cell = [side(0), side(1), side(2), lattice.shortest_edge() as f32];
+        (params.lights, params.steps, params.scheme) = (1, faces.len() as u32, scheme::SHORT_CHARACTERISTICS);
+        params.items = PropagateParams::most_items(CELLS, 1, params.scheme).unwrap_or(0);
+        let stage = Propagate {
+            params,
+            density: self.density,
+            occupancy: None,
+            lights: self.fill(&[place])?,
+            faces: Some(self.fill(&faces)?),
+            out: self.make(4 * cells(CELLS), Usage::Work)?,
+        };
+        Ok((Stage::Propagate(stage), cells(CELLS)))
+    }
+
     /// `relight` of 9 coefficients to one layer. Its elements are the cells.
     fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
         let (count, coefficients) = (cells(CELLS), BANDS * BANDS);
@@ -263,6 +291,7 @@ impl Rig {
             density: self.density,
             emission: None,
             in_scatter: None,
+            light_depth: None,
             occupancy: None,
             lights: None,
             tables: self.fill(&[0.5f32, 0.5])?,

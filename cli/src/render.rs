@@ -148,6 +148,7 @@ fn estimators(scene: &Scene) -> Vec<String> {
         EnvironmentEstimate::Records(r) => format!("environment: records {r:?}"),
     });
     let lights = scene.estimate.lights.as_ref().map(|l| match l {
+        LightsEstimate::Opacity(o) => format!("lights: opacity {o:?}"),
         LightsEstimate::Direct(d) => format!("lights: direct {d:?}"),
     });
     environment.into_iter().chain(lights).collect()

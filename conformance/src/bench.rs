@@ -16,7 +16,7 @@ use crate::{Axis, Record, Subject};
 pub(crate) enum Cut {
     /// Into one piece.
     Whole,
-    /// Into uneven pieces that are run in disorder.
+    /// Into uneven pieces that are run in disorder, or in order where the stage is sequential.
     Pieces,
     /// Into passes of so many turns of loops, each in uneven pieces.
     Passes(u64),
@@ -92,7 +92,10 @@ impl Bench {
         stage.validate()?;
         let axis = stage.axis();
         let (first, second, third) = (axis / 5, axis / 2, axis - axis / 7);
-        let ranges = [second..third, 0..first, third..axis, first..first, first..second];
+        let mut ranges = [second..third, 0..first, third..axis, first..first, first..second];
+        if stage.sequential().is_some() {
+            ranges.sort_by_key(|range| (range.start, range.end));
+        }
         let whole = std::slice::from_ref(stage);
         let written = match cut {
             Cut::Whole => self.pieces(whole, std::slice::from_ref(&(0..axis)))?,

@@ -7,11 +7,14 @@ use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
-use airlight::scene::{Background, Content, EnvironmentEstimate, Estimate, Quality, Records, Scene};
+use airlight::scene::{
+    Background, Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Opacity, Quality, Records, Scene,
+    Shadow,
+};
 use libtest_mimic::Failed;
 
 use crate::fixtures::{camera, chromatic, grey, noise, phases};
-use crate::{Case, Record, Subject, check, tolerance};
+use crate::{Axis, Case, Record, Subject, check, tolerance};
 
 /// The box of every scene here, metres.
 const BOX: LitBox = LitBox {
@@ -69,7 +72,7 @@ pub(crate) fn cases() -> Vec<Case> {
         let checks = format!("A directional light scattered once in a box is the closed form's ({name}).");
         let run = move |s: &Subject, r: &mut Record| directional(s, r, &optics);
         let case = Case::new(format!("closed::directional_{name}"), checks, run);
-        cases.push(case.within(&tolerance::LIT_BOX).at("phase", name));
+        cases.push(case.within(&tolerance::LIT_BOX).at("phase", name).permutes(&shadows()));
         for content in [Content::Radiance, Content::Transmittance, Content::Phase] {
             if content == Content::Transmittance && !phase.is_isotropic() {
                 continue;
@@ -87,6 +90,13 @@ pub(crate) fn cases() -> Vec<Case> {
         }
     }
     cases
+}
+
+/// Where the medium's own shadow comes from.
+fn shadows() -> Axis<LightsEstimate> {
+    let marched = LightsEstimate::Direct(Direct { shadow: Shadow::March });
+    let propagated = LightsEstimate::Opacity(Opacity { cells: 9, ..Opacity::default() });
+    Axis::new("shadow", [("marched", marched), ("propagated", propagated)])
 }
 
 fn fog(optics: Optics) -> Scene {
@@ -219,7 +229,7 @@ fn directional(subject: &Subject, record: &mut Record, optics: &Optics) -> Resul
     let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
     let irradiance = [3.0f32, 2.6, 2.0];
     scene.lights = vec![Light::directional(to_light, Vec3::from(irradiance))?];
-    let film = subject.renderer()?.render(&scene)?.film;
+    let mut renderer = subject.renderer()?;
     let expected = ways(&scene, DMat3::IDENTITY).into_iter().map(|(origin, d, _)| {
         [0, 1, 2].map(|c| {
             let extinction = extinction(&scene, c);
@@ -233,8 +243,13 @@ fn directional(subject: &Subject, record: &mut Record, optics: &Optics) -> Resul
             lit.single_scattering(scene.optics.phase.eval(to_light.dot(d)), origin, d)
         })
     });
-    record.film("single scattering", &film, expected);
-    Ok(())
+    let expected: Vec<[f64; 3]> = expected.collect();
+    record.each(&shadows(), |record, shadow| {
+        scene.estimate.lights = Some(shadow.clone());
+        let film = renderer.render(&scene)?.film;
+        record.film("single scattering", &film, expected.iter().copied());
+        Ok(())
+    })
 }
 
 /// A thin medium lit alike from everywhere scatters albedo · alpha · L, whatever its phase function: a phase function

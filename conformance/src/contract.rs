@@ -45,6 +45,11 @@ pub(crate) fn cases() -> Vec<Case> {
             published,
         ),
         Case::new(
+            "device::stages_see_what_was_written_last",
+            "A stage that runs again sees what was written to its field since, by the host and by publication.",
+            latest,
+        ),
+        Case::new(
             "device::publication_checks_sizes",
             "A buffer that is no field's size, and a field to a buffer, are not published.",
             publication,
@@ -218,6 +223,31 @@ fn published(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     // What is written to the buffer afterwards does not reach the field.
     bench.device.write(buf.id, 0, bytemuck::cast_slice(&vec![1.0f32; VOXELS]))?;
     record.same("after a later write", &copy_of(&mut bench, field)?, &data);
+    Ok(())
+}
+
+fn latest(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut bench = Bench::new(subject)?;
+    let data = [3, 4, 5].map(|seed| noise(seed, VOXELS));
+    let field = bench.scalars(SPEC.dims, &data[0])?;
+    let [x, y, z] = SPEC.dims;
+    let out: Buf<[f32; 2]> = bench.room(VOXELS, Usage::Work)?;
+    let params = ReduceParams::new([x, y, z, 0], [x, y, z, 0], [1.0, 1.0, 1.0, 0.0]);
+    // The same stage, to the last bit.
+    let stage = Stage::Reduce(Reduce { params, density: field, other: None, out });
+    for (n, values) in data.iter().enumerate() {
+        match n {
+            0 => {}
+            1 => bench.device.write(field.id, 0, bytemuck::cast_slice(values))?,
+            _ => {
+                let buf = bench.buf(values)?;
+                bench.device.publish(buf.id, field.id)?;
+            }
+        }
+        bench.device.dispatch(&stage, 0..stage.axis())?;
+        let means: Vec<f32> = bench.read(out)?.iter().map(|v| v[0]).collect();
+        record.same(["at first", "written anew", "published anew"][n], &means, values);
+    }
     Ok(())
 }
 

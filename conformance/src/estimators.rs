@@ -6,7 +6,8 @@ use airlight::light::Light;
 use airlight::media::Phase;
 use airlight::reference::{BruteForce, BruteSettings};
 use airlight::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Records, Scene, Shadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Opacity, Records, Scene,
+    Shadow,
 };
 use libtest_mimic::Failed;
 
@@ -34,6 +35,13 @@ pub(crate) fn cases() -> Vec<Case> {
             direct,
         )
         .within(&tolerance::BRUTE_DIRECT),
+        Case::new(
+            "estimators::opacity_against_brute_force",
+            "Propagated shadows of five lights come nearer to brute force with every finer grid of cells.",
+            opacity_converges,
+        )
+        .within(&tolerance::BRUTE_OPACITY)
+        .permutes(&light_cells()),
         Case::new(
             "estimators::direct_without_shadow",
             "Without a shadow a light scatters albedo · alpha, nowhere less than with one.",
@@ -91,6 +99,11 @@ pub(crate) fn cases() -> Vec<Case> {
 /// Cells along the longest side, ever finer.
 fn fineness() -> Axis<u32> {
     Axis::of("cells", [4, 14, FINEST])
+}
+
+/// Cells of the lights' field, ever finer.
+fn light_cells() -> Axis<u32> {
+    Axis::of("cells", [5, 14, HALF_VOXEL])
 }
 
 /// Contents of records with a phase function that they take.
@@ -160,7 +173,8 @@ fn against(truth: &BruteForce<'_>, film: &Film) -> Sparse {
     }
 }
 
-fn direct(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+/// A slanted cloud under a light of each kind.
+fn three_lights() -> Result<Scene, Failed> {
     let mut scene = cloud(Map::Sheared, DIMS, chromatic(Phase::HenyeyGreenstein { g: 0.4 }));
     scene.lights = vec![
         Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::new(3.0, 2.6, 2.0))?,
@@ -168,11 +182,40 @@ fn direct(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         Light::spot(DVec3::new(0.9, 0.8, -0.9), DVec3::ZERO, Vec3::splat(3.0), 15.0, 30.0)?,
     ];
     scene.quality.step = 0.25;
+    Ok(scene)
+}
+
+fn direct(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = three_lights()?;
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
     let film = subject.renderer()?.render(&scene)?.film;
     let truth = BruteForce::new(&scene, &SETTINGS);
     let Sparse { found, expected } = against(&truth, &film);
     record.hold("three lights", found, expected);
     Ok(())
+}
+
+/// With more lights than a layer holds.
+fn opacity_converges(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = three_lights()?;
+    scene.lights.push(Light::point(DVec3::new(0.05, 0.02, 0.1), Vec3::new(0.02, 0.01, 0.03))?);
+    scene.lights.push(Light::directional(DVec3::new(-0.2, -0.9, 0.1), Vec3::new(0.3, 0.6, 0.2))?);
+    let truth = BruteForce::new(&scene, &SETTINGS);
+    let mut renderer = subject.renderer()?;
+    let mut last = f64::INFINITY;
+    record.each(&light_cells(), |record, &cells| {
+        let mut scene = scene.clone();
+        scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells, ..Opacity::default() }));
+        let film = renderer.render(&scene)?.film;
+        let Sparse { found, expected } = against(&truth, &film);
+        let error = compare(found.iter().copied().map(f64::from), expected.iter().copied()).relative_l2;
+        check!(error < last, "{cells} cells: {error:.2e}, after {last:.2e} with fewer");
+        last = error;
+        if cells == HALF_VOXEL {
+            record.hold("five lights", found, expected);
+        }
+        Ok(())
+    })
 }
 
 /// Without a shadow the light is the same at every depth: more of it everywhere.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::Phase;
-use airlight::scene::{Content, EnvironmentEstimate, Records, Scene};
+use airlight::scene::{Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow};
 use libtest_mimic::Failed;
 
 use crate::fixtures::{DIMS, Map, cloud, grey, sky};
@@ -26,7 +26,16 @@ pub(crate) fn cases() -> Vec<Case> {
     let mut unlit = scene(Content::Radiance);
     unlit.environment = None;
     unlit.lights = vec![sun()];
-    cases.push(case("direct", unlit, lights()));
+    unlit.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    cases.push(case("direct", unlit.clone(), lights(&["march"], &["reduce", "march"])));
+    unlit.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, ..Opacity::default() }));
+    cases.push(case("opacity", unlit.clone(), lights(&["propagate", "march"], &["propagate", "reduce", "march"])));
+    unlit.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, scheme: Scheme::Published }));
+    cases.push(case(
+        "opacity_published",
+        unlit,
+        lights(&["propagate", "march"], &["reduce", "propagate", "reduce", "march"]),
+    ));
     cases.push(case("optics_and_picture", scene(Content::Transmittance), optics()).at("content", "transmittance"));
     cases
 }
@@ -159,20 +168,22 @@ fn anisotropy() -> Axis<Change> {
     ])
 }
 
-fn lights() -> Axis<Change> {
+/// Changes of analytic lights, with what another place of the light and another medium cost.
+fn lights(moved: &'static [&'static str], medium: &'static [&'static str]) -> Axis<Change> {
     changes([
         change("nothing", |_| (), &[]),
         change(
             "the light's place",
             |s| s.lights = vec![Light::point(DVec3::new(0.5, 1.0, 0.3), Vec3::ONE).expect("a light")],
+            moved,
+        ),
+        change(
+            "the light's color",
+            |s| s.lights = vec![Light::point(DVec3::new(0.5, 1.0, 0.3), Vec3::X).expect("a light")],
             &["march"],
         ),
         change("the eye's place", |s| s.camera.origin += DVec3::new(0.1, 0.2, -0.1), &["march"]),
-        change(
-            "the medium",
-            |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium,
-            &["reduce", "march"],
-        ),
+        change("the medium", |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium, medium),
     ])
 }
 

@@ -23,11 +23,15 @@
 mod bench;
 mod case;
 mod closed;
+pub mod columns;
 mod compare;
 mod contract;
 mod estimators;
+mod faults;
 mod fixtures;
+mod frames;
 mod keys;
+mod limits;
 pub mod pictures;
 mod record;
 mod report;
@@ -38,7 +42,7 @@ pub mod tolerance;
 mod truth;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use airlight::Renderer;
 use airlight::device::{Device, DeviceInfo};
@@ -88,9 +92,6 @@ impl Subject {
     /// # Errors
     /// What the device's maker says.
     pub fn open(&self) -> Result<Box<dyn Device>, Failed> {
-        // The first use of some runtimes is not safe on two threads at once.
-        static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-        let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         (self.open)().map_err(Failed::from)
     }
 
@@ -123,8 +124,18 @@ pub fn listed(variable: &str) -> Vec<String> {
 
 /// Every case, in the order of the groups above.
 pub fn cases() -> Vec<Case> {
-    let groups =
-        [contract::cases(), stages::cases(), closed::cases(), estimators::cases(), keys::cases(), pictures::cases()];
+    let groups = [
+        contract::cases(),
+        limits::cases(),
+        faults::cases(),
+        stages::cases(),
+        closed::cases(),
+        columns::cases(),
+        frames::cases(),
+        estimators::cases(),
+        keys::cases(),
+        pictures::cases(),
+    ];
     groups.into_iter().flatten().collect()
 }
 

@@ -11,7 +11,8 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Gaussian, Gaussians, GridMedium, Lattice, Optics, Phase};
 use airlight::scene::{
-    Camera, Content, Elimination, EnvironmentEstimate, Estimate, Film, Interpolation, Quality, Records, Scene,
+    Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Film, Interpolation, LightsEstimate, Opacity,
+    Quality, Records, Scene, Shadow,
 };
 use airlight_formats::{FormatError, volume};
 use libtest_mimic::Failed;
@@ -172,10 +173,7 @@ impl Picture {
         let begin = Instant::now();
         let film = renderer.render(&scene)?.film;
         let seconds = begin.elapsed().as_secs_f64();
-        let keep = |i: &usize| {
-            let (x, y) = ((i % 160).abs_diff(91), (i / 160).abs_diff(49));
-            !(self.without_lamp && x <= 2 && y <= 2)
-        };
+        let keep = |i: &usize| !(self.without_lamp && beside_lamp(*i));
         let found = match self.channels {
             Channels::Radiance => film.beauty,
             Channels::Transmittance => {
@@ -210,6 +208,11 @@ impl Picture {
         record.show("RGB", [160, 120], rgb(&all.found), rgb(&all.expected));
         Ok(())
     }
+}
+
+/// Whether a pixel is one of the 5 × 5 around the point light inside the medium.
+fn beside_lamp(i: usize) -> bool {
+    (i % 160).abs_diff(91) <= 2 && (i / 160).abs_diff(49) <= 2
 }
 
 /// RGB and alpha of a picture of the reference set.
@@ -261,27 +264,60 @@ fn unlit() -> Vec<Picture> {
     ]
 }
 
+fn sun() -> Light {
+    Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::new(3.0, 2.6, 2.0)).expect("the reference's sun")
+}
+
+fn lamp() -> Light {
+    Light::point(DVec3::new(0.3, 0.55, 0.1), Vec3::new(0.6, 0.7, 1.0)).expect("the reference's lamp")
+}
+
+fn spot() -> Light {
+    let (from, to) = (DVec3::new(-0.9, 1.1, 0.6), DVec3::new(0.1, 0.3, 0.0));
+    Light::spot(from, to, Vec3::splat(4.0), 15.0, 20.0).expect("the reference's spot")
+}
+
+/// The lights of the reference, each with its name and the picture of the grey, isotropic scene under it.
+pub fn lights() -> [(&'static str, &'static str, Light); 3] {
+    [
+        ("directional", "dir_single.exr", sun()),
+        ("point", "point_single.exr", lamp()),
+        ("spot", "spot_single.exr", spot()),
+    ]
+}
+
 fn lit() -> Vec<Picture> {
-    let direct = |name, file, light: fn() -> Light, change: fn(&mut Scene)| Picture {
-        name,
-        file,
-        settings: "direct, shadow march, step ½ voxel".into(),
-        tolerance: &tolerance::PICTURE_DIRECT,
-        channels: Channels::Radiance,
-        without_lamp: false,
-        scene: Box::new(move || {
-            let mut scene = scene()?;
-            scene.lights = vec![light()];
-            change(&mut scene);
-            Ok(scene)
-        }),
+    type Make = fn() -> Light;
+    let shadowed =
+        |name, file, settings: String, lights: LightsEstimate, light: Make, change: fn(&mut Scene)| Picture {
+            name,
+            file,
+            settings,
+            tolerance: &tolerance::PICTURE_DIRECT,
+            channels: Channels::Radiance,
+            without_lamp: false,
+            scene: Box::new(move || {
+                let mut scene = scene()?;
+                scene.lights = vec![light()];
+                scene.estimate.lights = Some(lights.clone());
+                change(&mut scene);
+                Ok(scene)
+            }),
+        };
+    let direct = |name, file, light: Make, change: fn(&mut Scene)| {
+        let lights = LightsEstimate::Direct(Direct { shadow: Shadow::March });
+        shadowed(name, file, "direct, shadow march, step ½ voxel".into(), lights, light, change)
     };
-    let sun =
-        || Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::new(3.0, 2.6, 2.0)).expect("the reference's sun");
-    let lamp = || Light::point(DVec3::new(0.3, 0.55, 0.1), Vec3::new(0.6, 0.7, 1.0)).expect("the reference's lamp");
-    let spot = || {
-        let (from, to) = (DVec3::new(-0.9, 1.1, 0.6), DVec3::new(0.1, 0.3, 0.0));
-        Light::spot(from, to, Vec3::splat(4.0), 15.0, 20.0).expect("the reference's spot")
+    let opacity = |name, file, cells: u32, light: Make, change: fn(&mut Scene)| Picture {
+        tolerance: &tolerance::PICTURE_OPACITY,
+        ..shadowed(
+            name,
+            file,
+            format!("opacity, short characteristics, {cells} cells, step ½ voxel"),
+            LightsEstimate::Opacity(Opacity { cells, ..Opacity::default() }),
+            light,
+            change,
+        )
     };
     vec![
         direct("directional", "dir_single.exr", sun, |_| ()),
@@ -289,6 +325,23 @@ fn lit() -> Vec<Picture> {
         direct("directional_hg", "dir_hg0.7_single.exr", sun, |s| s.optics.phase = Phase::HenyeyGreenstein { g: 0.7 }),
         Picture { without_lamp: true, ..direct("point", "point_single.exr", lamp, |_| ()) },
         direct("spot", "spot_single.exr", spot, |_| ()),
+        opacity("opacity_directional", "dir_single.exr", 96, sun, |_| ()),
+        opacity("opacity_directional_chromatic", "dir_single_chromatic.exr", 64, sun, chromatic),
+        opacity("opacity_directional_hg", "dir_hg0.7_single.exr", 64, sun, |s| {
+            s.optics.phase = Phase::HenyeyGreenstein { g: 0.7 };
+        }),
+        Picture { without_lamp: true, ..opacity("opacity_point", "point_single.exr", 64, lamp, |_| ()) },
+        Picture {
+            tolerance: &tolerance::PICTURE_OPACITY,
+            ..shadowed(
+                "propagated_spot",
+                "spot_single.exr",
+                "direct, shadow propagated (64 cells), step ½ voxel".into(),
+                LightsEstimate::Direct(Direct { shadow: Shadow::Propagated }),
+                spot,
+                |_| (),
+            )
+        },
         Picture {
             settings: format!("{BLOB_CELLS} cells, direct, shadow march, step 1 voxel"),
             without_lamp: true,
@@ -397,13 +450,18 @@ fn coefficients() -> Result<(Vec<f64>, Vec<f64>), Failed> {
     Ok((found.as_flattened().to_vec(), truth.coefficients.as_flattened().to_vec()))
 }
 
-/// The difference of a film of [`scene`]'s camera from a picture of the reference set, over RGB.
+/// The difference of a film of [`scene`]'s camera from a picture of the reference set, over RGB; without the pixels
+/// around the point light where it shows one.
 ///
 /// # Errors
 /// A missing truth; a film of another size.
 pub fn against(name: &str, film: &Film) -> Result<Difference, Failed> {
     let expected = truth(name)?;
     check!(film.pixels() == expected.len(), "a film of {} pixels", film.pixels());
-    let rgb = |pixels: &[[f32; 4]]| pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).map(f64::from).collect::<Vec<_>>();
+    let keep = |i: usize| name != "point_single.exr" || !beside_lamp(i);
+    let rgb = |pixels: &[[f32; 4]]| {
+        let kept = pixels.iter().enumerate().filter(|(i, _)| keep(*i));
+        kept.flat_map(|(_, p)| [p[0], p[1], p[2]]).map(f64::from).collect::<Vec<_>>()
+    };
     Ok(compare(rgb(&film.beauty), rgb(&expected)))
 }

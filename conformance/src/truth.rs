@@ -23,6 +23,7 @@ macro_rules! embedded {
 }
 
 const FILES: &[(&str, &[u8])] = embedded![
+    "blobs.json",
     "density.nrrd",
     "env.exr",
     "sh_env.json",

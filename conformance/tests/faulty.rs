@@ -37,7 +37,9 @@ fn noticed(subject: &Subject, cases: Vec<Case>) -> Result<(), Failed> {
 
 /// What a device must fail as soon as one of its stages is broken, and pass where none is.
 fn proof(choice: &str) -> Vec<Trial> {
+    // Pictures that all stages but one take part in, and those of that one.
     const PICTURES: &str = "closed::thin_uniform_radiance";
+    const SHADOWS: &str = "closed::directional";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -45,6 +47,7 @@ fn proof(choice: &str) -> Vec<Trial> {
             let name = format!("{choice}::every_case_of_a_stage_notices::{}", subject.name());
             trials.push(Trial::test(name, move || noticed(&subject, group(&format!("stage::{stage}::")))));
         }
+        let pictures = if stage == "propagate" { SHADOWS } else { PICTURES };
         for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {
             // Only whether a maximum is zero matters to a picture.
             if stage == "reduce" && matches!(fault, Fault::Scale(_)) {
@@ -52,12 +55,12 @@ fn proof(choice: &str) -> Vec<Trial> {
             }
             let subject = broken(choice, stage, fault);
             let name = format!("{choice}::whole_pictures_notice::{}", subject.name());
-            trials.push(Trial::test(name, move || noticed(&subject, group(PICTURES))));
+            trials.push(Trial::test(name, move || noticed(&subject, group(pictures))));
         }
     }
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        for case in group("stage::").into_iter().chain(group(PICTURES)) {
+        for case in group("stage::").into_iter().chain(group(PICTURES)).chain(group(SHADOWS)) {
             case.run(&whole).verdict()?;
         }
         Ok(())

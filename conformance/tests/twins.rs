@@ -30,6 +30,7 @@ const CPU: Backend = Backend {
     own: &[
         ("reduce", "run", MEMORY),
         ("project", "run", MEMORY),
+        ("propagate", "run", MEMORY),
         ("relight", "run", MEMORY),
         ("march", "run", MEMORY),
         ("march", "load", LANES),

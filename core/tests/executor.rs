@@ -335,6 +335,27 @@ fn cancellation_stops_at_the_next_piece_and_leaves_nothing_valid() {
 }
 
 #[test]
+fn pieces_that_take_too_long_are_faults_and_teach_the_pace() {
+    let (mut executor, books) = Bookkeeper::executor(None);
+    books.lock().unwrap().pace = Duration::from_millis(2);
+    // The first piece, 16 units, takes 32 ms; later ones are cut to a quarter of what they are given.
+    let patience = Duration::from_millis(31);
+    executor.set_patience(Some(patience));
+    let error = run(&mut executor, 3.0, 0.0).map(|_| ()).unwrap_err();
+    let expected = DeviceError::Timeout { stage: "relight", patience };
+    let expected = ExecError::Device { device: "bookkeeper".into(), stage: "relight".into(), error: expected };
+    assert_eq!(error, expected);
+    assert_eq!(error.to_string(), "bookkeeper: relight: relight took longer than the 31ms that it was given");
+    let (out, _) = run(&mut executor, 3.0, 0.0).unwrap();
+    assert!(out.iter().flatten().all(|v| *v == 5.0));
+    assert!(books.lock().unwrap().dispatched[1..].iter().all(|range| range.len() <= 3));
+    // Without a limit the first piece of a new pace is as long as it is.
+    executor.set_patience(None);
+    books.lock().unwrap().pace = Duration::from_secs(1);
+    run(&mut executor, 4.0, 0.0).unwrap();
+}
+
+#[test]
 fn faults_carry_device_and_stage_and_leave_nothing_valid() {
     for (fail, stage) in [
         (Fail::Create, "allocating light"),

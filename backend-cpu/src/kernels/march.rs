@@ -28,6 +28,7 @@ struct Inputs<'a> {
     emission: Option<Scalars<'a>>,
     occupancy: Option<Occupancy<'a>>,
     in_scatter: Option<Colors<'a>>,
+    light_depth: Option<Colors<'a>>,
     lights: &'a [LightRecord],
     phase: Phase<'a>,
     tables: &'a [f32],
@@ -64,6 +65,10 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         },
         in_scatter: match stage.in_scatter {
             Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.cells)),
+            None => None,
+        },
+        light_depth: match stage.light_depth {
+            Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.light_cells)),
             None => None,
         },
         lights: &read.opt(stage.lights)?[..p.lights as usize],
@@ -357,19 +362,26 @@ fn in_scatter_at<'a>(p: &MarchParams, field: Colors<'a>, place: [f32; 3]) -> Pla
 #[inline(always)]
 fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, light: &mut [F; 3]) {
     let p = inputs.p;
-    for record in inputs.lights {
+    let mut depths = [F::ZERO; 4];
+    for (n, record) in inputs.lights.iter().enumerate() {
+        if n % 4 == 0 {
+            depths = light_depths(inputs, at, dense, n / 4);
+        }
         let (toward, distance, falloff) = incident(p, record, direction, t);
         let lit = dense.and(falloff.gt(F::ZERO));
         if !lit.any() {
             continue;
         }
         let scale = lit.select(phase(&inputs.phase, dot(toward, direction)) * falloff, F::ZERO);
-        let column = if p.shadow == shadow_kind::MARCH {
+        let mut column = depths[n % 4];
+        if p.shadow == shadow_kind::MARCH || p.shadow == shadow_kind::MEAN {
             let ray = Ray::through(at, to_index(p, toward), inputs.density.size(), distance, p.step);
-            ray.column(inputs.density, inputs.occupancy, lit)
-        } else {
-            F::ZERO
-        };
+            column = if p.shadow == shadow_kind::MARCH {
+                ray.column(inputs.density, inputs.occupancy, lit)
+            } else {
+                column * (ray.step * ray.steps)
+            };
+        }
         let mut transmittance = F::ONE;
         for c in 0..3 {
             if c == 0 || !inputs.grey {
@@ -378,6 +390,24 @@ fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, li
             light[c] = light[c] + scale * transmittance * record.power[c];
         }
     }
+}
+
+/// The field toward four lights; zero without one.
+#[inline(always)]
+fn light_depths(inputs: &Inputs<'_>, at: [F; 3], dense: M, layer: usize) -> [F; 4] {
+    let mut depths = [F::ZERO; 4];
+    let Some(field) = inputs.light_depth.filter(|_| inputs.p.shadow >= shadow_kind::COLUMN) else { return depths };
+    let place = triple!(a => (at[a] + 0.5) * inputs.p.light_cells_per_voxel[a] - 0.5);
+    for i in 0..LANES {
+        if dense.lane(i) {
+            let values = field.sample(triple!(a => place[a].0[i])).layer(layer);
+            depths[0].0[i] = values[0];
+            depths[1].0[i] = values[1];
+            depths[2].0[i] = values[2];
+            depths[3].0[i] = values[3];
+        }
+    }
+    depths
 }
 
 /// What the medium does to light at a point, per channel.

@@ -1,13 +1,10 @@
 //! What must run on a device. Without one the tests say that they were skipped, or fail where `AIRLIGHT_REQUIRE`
 //! names `opencl`.
 
-mod frames;
 mod kernels;
-mod limits;
-mod scenes;
 mod trouble;
 
-use airlight_core::device::{Buf, Device, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
+use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};
 use airlight_core::stage::{Relight, RelightParams};
 
 use crate::{OpenclDevice, platform};
@@ -23,13 +20,6 @@ fn device() -> Option<OpenclDevice> {
             None
         }
     }
-}
-
-/// A device that believes its limits to be far smaller, so that small fields are cut.
-fn small_device(binding_bytes: u64) -> Option<OpenclDevice> {
-    let mut device = device()?;
-    device.info.limits.binding_bytes = binding_bytes;
-    Some(device)
 }
 
 /// A buffer of `values`.
@@ -54,11 +44,6 @@ fn content<T: bytemuck::Pod>(device: &mut dyn Device, buf: Buf<T>) -> Vec<T> {
     out
 }
 
-/// A scalar field of one layer.
-fn scalar(dims: [u32; 3]) -> FieldSpec {
-    FieldSpec { dims, layers: 1, format: FieldFormat::Scalar }
-}
-
 /// `relight` of records of one value each, under light of (2, 4, 8).
 fn relight(device: &mut dyn Device, records: &[f32]) -> Relight {
     relight_into(device, 0, records)
@@ -79,14 +64,4 @@ fn relight_into(device: &mut dyn Device, first: u32, records: &[f32]) -> Relight
         light: filled(device, first + 1, &[[2.0f32, 4.0, 8.0, 0.0]]),
         out: empty(device, first + 2, records.len()),
     }
-}
-
-/// ‖a - b‖ / ‖b‖.
-fn relative_l2(a: &[f32], b: &[f32]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let square = |v: f64| v * v;
-    let difference: f64 = a.iter().zip(b).map(|(&a, &b)| square(f64::from(a) - f64::from(b))).sum();
-    let norm: f64 = b.iter().map(|&b| square(b.into())).sum();
-    assert!(norm > 0.0, "nothing to compare with");
-    (difference / norm).sqrt()
 }

@@ -253,7 +253,10 @@ impl WgpuDevice {
             Ok(Shot { range: piece.range, first: piece.groups.start, bound })
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-        Launches { params, units: text::UNITS, shots, limits: &self.limits }.run(&self.gpu, pipeline, None)
+        let launches = Launches { params, units: text::UNITS, sequential: None, shots, limits: &self.limits };
+        let sent = launches.run(&self.gpu, pipeline, None)?;
+        self.gpu.sent("an engine's frame", sent);
+        Ok(())
     }
 }
 

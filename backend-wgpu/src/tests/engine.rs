@@ -5,18 +5,47 @@ use std::sync::{Arc, Mutex};
 use airlight_core::Version;
 use airlight_core::device::{Buf, Device, DeviceError, ResourceId, ResourceSpec, Usage};
 use airlight_core::exec::{Hooks, OnDevice, Renderer};
-use airlight_core::scene::{Camera, Scene};
+use airlight_core::glam::{DVec3, Vec3};
+use airlight_core::light::{Environment, Light};
+use airlight_core::media::{Homogeneous, Optics};
+use airlight_core::scene::{Camera, Estimate, Quality, Scene};
 use airlight_cpu::CpuDevice;
 use wgpu::{Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages};
 
-use super::{content, empty, relative_l2, scenes};
+use super::{content, empty};
 use crate::adapter;
 use crate::engine::{Depth, FrameTextures, WgpuDevice, surface};
 
 const FORMATS: [TextureFormat; 2] = [TextureFormat::Rgba16Float, TextureFormat::Rgba32Float];
 
+/// A box of fog in a sky and the light of a lamp.
 fn scene() -> Scene {
-    scenes::all().remove(7).scene
+    let light = Light::point(DVec3::new(0.7, 0.9, 1.1), Vec3::new(0.2, 0.4, 0.3)).unwrap();
+    Scene {
+        camera: Camera {
+            origin: DVec3::new(1.9, 1.3, 2.2),
+            target: DVec3::new(0.55, 0.45, 0.7),
+            up: DVec3::Y,
+            fov: 38.0,
+            width: 45,
+            height: 31,
+            samples: 2,
+        },
+        medium: Arc::new(Homogeneous::new(1.0, DVec3::new(0.1, 0.0, 0.2), DVec3::new(1.0, 0.8, 1.3)).unwrap()),
+        optics: Optics::grey(3.0, 0.9),
+        environment: Some(Environment::uniform(Vec3::new(0.5, 1.0, 2.0)).unwrap()),
+        background: None,
+        lights: vec![light],
+        estimate: Estimate::default(),
+        quality: Quality::default(),
+    }
+}
+
+/// ‖a - b‖ / ‖b‖.
+fn relative_l2(a: &[f32], b: &[f32]) -> f64 {
+    let square = |v: f64| v * v;
+    let difference: f64 = a.iter().zip(b).map(|(&a, &b)| square(f64::from(a) - f64::from(b))).sum();
+    (difference / b.iter().map(|&b| square(b.into())).sum::<f64>()).sqrt()
 }
 
 /// Devices of an engine's, of the least limits that do.

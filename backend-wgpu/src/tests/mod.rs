@@ -3,12 +3,9 @@
 
 mod engine;
 mod filter;
-mod frames;
-mod limits;
-mod scenes;
 mod trouble;
 
-use airlight_core::device::{Buf, Device, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
+use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};
 use airlight_core::stage::{Relight, RelightParams};
 
 use crate::{WgpuDevice, adapter};
@@ -24,14 +21,6 @@ fn device() -> Option<WgpuDevice> {
             None
         }
     }
-}
-
-/// A device that believes its limits to be far smaller, so that small resources are cut.
-fn small_device(binding_bytes: u64, field_side: u32) -> Option<WgpuDevice> {
-    let mut device = device()?;
-    device.info.limits.binding_bytes = binding_bytes;
-    device.info.limits.field_side = field_side;
-    Some(device)
 }
 
 /// A buffer of `values`.
@@ -56,11 +45,6 @@ fn content<T: bytemuck::Pod>(device: &mut dyn Device, buf: Buf<T>) -> Vec<T> {
     out
 }
 
-/// A scalar field of one layer.
-fn scalar(dims: [u32; 3]) -> FieldSpec {
-    FieldSpec { dims, layers: 1, format: FieldFormat::Scalar }
-}
-
 /// `relight` of records of one value each, under light of (2, 4, 8).
 fn relight(device: &mut dyn Device, records: &[f32]) -> Relight {
     Relight {
@@ -76,14 +60,4 @@ fn relight(device: &mut dyn Device, records: &[f32]) -> Relight {
         light: filled(device, 1, &[[2.0f32, 4.0, 8.0, 0.0]]),
         out: empty(device, 2, records.len()),
     }
-}
-
-/// ‖a - b‖ / ‖b‖.
-fn relative_l2(a: &[f32], b: &[f32]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let square = |v: f64| v * v;
-    let difference: f64 = a.iter().zip(b).map(|(&a, &b)| square(f64::from(a) - f64::from(b))).sum();
-    let norm: f64 = b.iter().map(|&b| square(b.into())).sum();
-    assert!(norm > 0.0, "nothing to compare with");
-    (difference / norm).sqrt()
 }

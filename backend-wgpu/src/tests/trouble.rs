@@ -1,56 +1,21 @@
 //! Faults: what was asked for wrongly, and what goes wrong by itself.
 
-use airlight_core::device::{Device, DeviceError, ResourceId, ResourceSpec, Usage};
+use std::time::{Duration, Instant};
+
+use airlight_core::device::{Device, DeviceError, DeviceKind, ResourceId, ResourceSpec, Usage};
 use airlight_core::stage::Stage;
 
-use super::{device, empty, scalar};
+use super::{device, empty};
 use crate::PROVIDER;
 use crate::pipeline::compile;
 use crate::source::Text;
 
 #[test]
-fn calls_that_do_not_fit_the_resources_are_invalid() {
-    let Some(mut device) = device() else { return };
-    let buf = empty::<f32>(&mut device, 0, 10);
-    let field = ResourceId(1);
-    device.create(field, &ResourceSpec::Field(scalar([3, 2, 4]))).unwrap();
-    let none = ResourceId(9);
-    let mut out = [0u8; 8];
-    let buffer = ResourceSpec::Buffer { bytes: 4, usage: Usage::Work };
-    let calls = [
-        ("a second of its id", device.create(buf.id, &buffer)),
-        ("an empty field", device.create(none, &ResourceSpec::Field(scalar([0, 1, 1])))),
-        ("no such resource", device.write(none, 0, &[0; 4])),
-        ("past the end", device.write(buf.id, 36, &[0; 8])),
-        ("far past the end", device.write(buf.id, u64::MAX - 3, &[0; 8])),
-        ("half a word", device.write(buf.id, 2, &[0; 4])),
-        ("half a slice", device.write(field, 0, &[0; 12])),
-        ("a slice past the end", device.write(field, 96, &[0; 24])),
-        ("reading past the end", device.read(buf.id, 36, &mut out)),
-        ("reading a field", device.read(field, 0, &mut out)),
-        ("publishing what is of another size", device.publish(buf.id, field)),
-        ("publishing a field", device.publish(field, field)),
-        ("publishing nothing", device.publish(none, field)),
-    ];
-    for (what, result) in calls {
-        assert!(matches!(result, Err(DeviceError::Invalid(_))), "{what}: {result:?}");
-    }
-    // None of it harmed the device.
-    device.write(buf.id, 32, &[1; 8]).unwrap();
-    device.read(buf.id, 32, &mut out).unwrap();
-    assert_eq!(out, [1; 8]);
-}
-
-#[test]
-fn a_dispatch_that_fails_has_no_time() {
+fn a_dispatch_that_wgpu_refuses_has_no_time() {
     let Some(mut device) = device() else { return };
     let cells = 65_535 * 64 + 1;
     let stage = super::relight(&mut device, &vec![1.0; cells]);
-    let good = Stage::Relight(stage.clone());
-    let mut gone = stage;
-    gone.out.id = ResourceId(7);
-    assert!(matches!(device.dispatch(&Stage::Relight(gone), 0..3), Err(DeviceError::Invalid(_))));
-    assert!(matches!(device.dispatch(&good, 0..u32::MAX), Err(DeviceError::Invalid(_))));
+    let good = Stage::Relight(stage);
     // A row of workgroups longer than the adapter takes: wgpu itself refuses it, after the clock has started.
     let most = std::mem::replace(&mut device.limits.max_compute_workgroups_per_dimension, u32::MAX);
     let error = device.dispatch(&good, 0..cells as u32).unwrap_err();
@@ -122,6 +87,51 @@ fn a_machine_without_drivers_is_an_answer() {
         .unwrap();
     let said = String::from_utf8_lossy(&child.stdout);
     assert!(child.status.success() && said.contains("1 passed"), "{said}");
+}
+
+#[test]
+fn a_dispatch_that_takes_too_long_is_given_up_and_the_device_with_it() {
+    let Some(mut device) = device() else { return };
+    let records = vec![1.0f32; 1 << 22];
+    let stage = Stage::Relight(super::relight(&mut device, &records));
+    device.dispatch(&stage, 0..1).unwrap();
+    device.finish().unwrap();
+    let patience = Duration::from_micros(1);
+    device.set_patience(Some(patience));
+    // Some time of work, whose end nobody waits for.
+    for _ in 0..4 {
+        device.dispatch(&stage, 0..1 << 22).unwrap();
+    }
+    let begin = Instant::now();
+    assert_eq!(device.finish().unwrap_err(), DeviceError::Timeout { stage: "relight", patience });
+    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
+    device.set_patience(None);
+    let lost = DeviceError::Lost("relight took longer than the 1µs that it was given".into());
+    assert_eq!(device.finish().unwrap_err(), lost);
+    assert_eq!(device.read(ResourceId(2), 0, &mut [0; 4]).unwrap_err(), lost);
+    drop(device);
+    // Another one is not harmed.
+    if let Some(mut other) = super::device() {
+        let stage = super::relight(&mut other, &records[..100]);
+        other.dispatch(&Stage::Relight(stage.clone()), 0..100).unwrap();
+        assert_eq!(super::content(&mut other, stage.out)[99], [2.0, 4.0, 8.0, 0.0]);
+    }
+}
+
+#[test]
+fn memory_is_told_where_the_driver_tells_it() {
+    let Some(device) = device() else { return };
+    let stated = crate::vulkan::of_device(&device.gpu.device);
+    let software = device.info().kind == DeviceKind::SoftwareGpu;
+    assert_eq!(device.info().memory_bytes, if software { airlight_core::host::memory() } else { stated.memory });
+    if device.info().features.iter().any(|feature| feature == "vulkan") {
+        // Vulkan has every device state both.
+        assert!(stated.memory.is_some_and(|bytes| bytes > 1 << 28), "{stated:?}");
+        assert!(stated.weight_bits.is_some_and(|bits| (4..=24).contains(&bits)), "{stated:?}");
+    }
+    if let (Some(free), Some(all)) = (device.free_memory(), device.info().memory_bytes) {
+        assert!(free > 0 && free <= all, "{free} of {all}");
+    }
 }
 
 #[test]

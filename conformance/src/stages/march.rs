@@ -48,6 +48,9 @@ pub(super) struct InScatter {
 
 pub(super) const CELLS: [u32; 3] = [4, 3, 6];
 
+/// Cells of the lights' field.
+const LIGHT_CELLS: [u32; 3] = [5, 7, 4];
+
 /// A picture of 21 × 13 pixels, so that blocks are cut at both edges.
 pub(super) fn plain(name: &str) -> Set {
     Set {
@@ -73,6 +76,7 @@ struct Host {
     density: Vec<f32>,
     emission: Vec<f32>,
     in_scatter: Vec<[f32; 4]>,
+    light_depth: Vec<[f32; 4]>,
     lights: Vec<LightRecord>,
     tables: Vec<f32>,
     environment: Vec<[f32; 4]>,
@@ -131,6 +135,15 @@ fn host(set: &Set) -> Host {
         let values = noise(41, (CELLS.iter().product::<u32>() * layers * 3) as usize);
         in_scatter = values.chunks_exact(3).map(|v| [v[0] - 0.3, v[1] - 0.2, v[2], 0.0]).collect();
     }
+    let mut light_depth = Vec::new();
+    if set.shadow >= shadow_kind::COLUMN {
+        let layers = p.lights.div_ceil(4);
+        p.light_cells = [LIGHT_CELLS[0], LIGHT_CELLS[1], LIGHT_CELLS[2], layers];
+        p.light_cells_per_voxel =
+            [0, 1, 2, 3].map(|a| if a < 3 { LIGHT_CELLS[a] as f32 / set.dims[a] as f32 } else { 0.0 });
+        let values = noise(45, (LIGHT_CELLS.iter().product::<u32>() * layers * 4) as usize);
+        light_depth = values.chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
+    }
     let phase = PhaseParams::new(&optics.phase);
     (p.phase_kind, p.phase) = (phase.kind, phase.lobes);
     (p.phase_at, p.phase_size) = (tables.len() as u32, phase.table.len() as u32);
@@ -156,6 +169,7 @@ fn host(set: &Set) -> Host {
         density,
         emission: if set.own_emission { emission } else { Vec::new() },
         in_scatter,
+        light_depth,
         lights,
         tables,
         environment,
@@ -184,6 +198,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         density: bench.scalars(dims, &host.density)?,
         emission: some(&host.emission, |v| bench.scalars(dims, v))?,
         in_scatter: some(&host.in_scatter, |v| bench.colors(CELLS, host.params.cells[3], v))?,
+        light_depth: some(&host.light_depth, |v| bench.colors(LIGHT_CELLS, host.params.light_cells[3], v))?,
         occupancy: None,
         lights: some(&host.lights, |v| bench.buf(v))?,
         tables: bench.buf(&host.tables)?,
@@ -213,6 +228,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         density: &host.density,
         emission: (!host.emission.is_empty()).then_some(&host.emission[..]),
         in_scatter: (!host.in_scatter.is_empty()).then_some(&host.in_scatter[..]),
+        light_depth: (!host.light_depth.is_empty()).then_some(&host.light_depth[..]),
         lights: &host.lights,
         tables: &host.tables,
         environment: (!host.environment.is_empty()).then_some(&host.environment[..]),

@@ -121,6 +121,19 @@ fn lights() -> Vec<Set> {
         Set { camera: camera(21, 13, 4), ..lit("spot_without_rim", Phase::Isotropic, vec![hard]) },
         Set { map: Map::Rotated, ..lit("three_lights", hg(), vec![sun(), lamp(), spot()]) },
     ]);
+    let many = || vec![sun(), lamp(), spot(), inside, lamp(), sun(), spot()];
+    for (name, shadow) in [("columns", shadow_kind::COLUMN), ("means", shadow_kind::MEAN)] {
+        sets.extend([
+            Set { shadow, ..lit(&format!("{name}_of_one_light"), hg(), vec![lamp()]) },
+            Set { shadow, map: Map::Sheared, ..lit(&format!("{name}_of_seven_lights"), hg(), many()) },
+            Set {
+                shadow,
+                optics: grey(hg()),
+                in_scatter: Some(InScatter { bands: 2, trilinear: true }),
+                ..lit(&format!("{name}_beside_records"), hg(), vec![sun(), inside])
+            },
+        ]);
+    }
     sets
 }
 

@@ -4,6 +4,7 @@ mod inject;
 mod march;
 mod march_cases;
 mod project;
+mod propagate;
 mod reduce;
 mod relight;
 
@@ -13,8 +14,15 @@ use crate::bench::cuts;
 use crate::{Case, Record, Subject, Tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    let stages = [reduce::cases(), project::cases(), relight::cases(), march_cases::cases(), inject::cases()];
-    stages.into_iter().flatten().collect()
+    let all = [
+        inject::cases(),
+        reduce::cases(),
+        project::cases(),
+        propagate::cases(),
+        relight::cases(),
+        march_cases::cases(),
+    ];
+    all.into_iter().flatten().collect()
 }
 
 /// A case of a stage, whose work is cut in every way, and whose tolerance is that of the device's filter.

@@ -1,8 +1,9 @@
 //! Devices that wrap a device.
 
 use std::ops::Range;
+use std::time::Duration;
 
-use super::{Device, DeviceError, DeviceInfo, ResourceId, ResourceSpec, StageTime};
+use super::{Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime};
 use crate::device::{Binding, BindingAccess};
 use crate::stage::Stage;
 
@@ -35,6 +36,14 @@ macro_rules! forward {
 
         fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
             self.inner.publish(from, to)
+        }
+
+        fn set_patience(&mut self, patience: Option<Duration>) {
+            self.inner.set_patience(patience);
+        }
+
+        fn narrow(&mut self, limits: &Limits) -> bool {
+            self.inner.narrow(limits)
         }
     };
 }
@@ -75,6 +84,8 @@ pub enum Fault {
     Scale(f32),
     /// The dispatch fails.
     Fail,
+    /// Every dispatch takes so much longer.
+    Slow(Duration),
 }
 
 /// Breaks one stage on purpose, so that a suite can prove that it notices.
@@ -113,6 +124,10 @@ impl Device for Faulty {
             // An empty range keeps the count of dispatches and their times right.
             Fault::Skip => self.inner.dispatch(stage, range.start..range.start),
             Fault::Fail => Err(DeviceError::Backend(format!("{} was broken on purpose", self.stage))),
+            Fault::Slow(by) => {
+                std::thread::sleep(by);
+                self.inner.dispatch(stage, range)
+            }
             Fault::Scale(factor) => {
                 let last = range.end == stage.axis();
                 self.inner.dispatch(stage, range)?;
@@ -123,7 +138,11 @@ impl Device for Faulty {
     }
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
-        self.inner.finish()
+        let mut times = self.inner.finish()?;
+        if let Fault::Slow(by) = self.fault {
+            times.iter_mut().filter(|time| time.stage == self.stage).for_each(|time| time.time += by);
+        }
+        Ok(times)
     }
 
     fn flush(&mut self) -> Result<(), DeviceError> {

@@ -4,6 +4,7 @@
 //! of [`Stage`]s in order. It knows nothing of scenes, estimators or caching. A backend exports a [`Provider`].
 
 mod bytes;
+mod check;
 mod decorate;
 mod kernel;
 mod resource;
@@ -86,6 +87,22 @@ pub trait Device: Any + Send {
     fn flush(&mut self) -> Result<(), DeviceError> {
         self.finish().map(drop)
     }
+
+    /// How long the device may let its caller wait for one dispatch; none for as long as it takes. When a call has
+    /// waited longer, it fails with [`DeviceError::Timeout`], and where the work could not be stopped, the device is
+    /// lost: its queue cannot be trusted any more. A device that works within `dispatch` cannot give up, has no use for
+    /// this and need not implement it: its caller sees the time.
+    fn set_patience(&mut self, patience: Option<Duration>) {
+        let _ = patience;
+    }
+
+    /// Keeps from now on to limits no larger than these, where it cuts what exceeds them, so that its cuts can be tried
+    /// on small data. To be called before anything is created. Gives whether it does; a device that cuts nothing has
+    /// nothing to try.
+    fn narrow(&mut self, limits: &Limits) -> bool {
+        let _ = limits;
+        false
+    }
 }
 
 impl dyn Device {
@@ -152,6 +169,18 @@ pub struct Limits {
     pub loop_turns: Option<u32>,
 }
 
+impl Limits {
+    /// The smaller of each.
+    pub fn min(&self, other: &Self) -> Self {
+        Self {
+            buffer_bytes: self.buffer_bytes.min(other.buffer_bytes),
+            binding_bytes: self.binding_bytes.min(other.binding_bytes),
+            field_side: self.field_side.min(other.field_side),
+            loop_turns: self.loop_turns.into_iter().chain(other.loop_turns).min(),
+        }
+    }
+}
+
 /// What a device is and can do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceInfo {
@@ -210,6 +239,14 @@ pub enum DeviceError {
     /// A call that does not fit the resources: a bug in the caller.
     #[error("invalid use of the device: {0}")]
     Invalid(String),
+    /// A dispatch that took too long ([`Device::set_patience`]).
+    #[error("{stage} took longer than the {patience:?} that it was given")]
+    Timeout {
+        /// Name of the stage, or what else was waited for.
+        stage: &'static str,
+        /// How long it was waited for.
+        patience: Duration,
+    },
     /// The backend's own fault, in its words.
     #[error("{0}")]
     Backend(String),
@@ -230,7 +267,7 @@ pub struct Provider {
     pub name: &'static str,
     /// The backend's devices, or why it has none. Never panics, and loads the backend's runtime only here.
     pub enumerate: fn() -> Result<Vec<DeviceInfo>, Unavailable>,
-    /// Opens the device of an index that `enumerate` gave.
+    /// Opens the device of an index that `enumerate` gave. May be called on several threads at once, as `enumerate`.
     pub open: fn(usize) -> Result<Box<dyn Device>, Unavailable>,
 }
 

@@ -7,8 +7,9 @@ use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    BlobRecord, Inject, InjectParams, LightRecord, March, MarchParams, PhaseParams, Project, ProjectParams, Reduce,
-    ReduceParams, RelightParams, Stage, inject_kind, shadow_kind,
+    BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project,
+    ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, Stage, inject_kind, propagate::scheme,
+    shadow_kind,
 };
 
 /// A language of kernels.
@@ -132,6 +133,13 @@ const PROJECT: Recipe = Recipe {
     helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Segment],
 };
 
+const PROPAGATE: Recipe = Recipe {
+    params: PropagateParams::NAME,
+    structs: &[PropagateParams::text, LightPlace::text, LightFace::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample],
+};
+
 const RELIGHT: Recipe =
     Recipe { params: RelightParams::NAME, structs: &[RelightParams::text], per_field: &[], helpers: &[] };
 
@@ -155,6 +163,7 @@ impl Recipe {
         match stage {
             Stage::Reduce(_) => REDUCE,
             Stage::Project(_) => PROJECT,
+            Stage::Propagate(_) => PROPAGATE,
             Stage::Relight(_) => RELIGHT,
             Stage::March(_) => MARCH,
             Stage::Inject(_) => INJECT,
@@ -170,6 +179,11 @@ impl Recipe {
             ("PHASE_RAYLEIGH", PhaseParams::RAYLEIGH),
             ("PHASE_TABLE", PhaseParams::TABLE),
             ("SHADOW_MARCH", shadow_kind::MARCH),
+            ("SHADOW_COLUMN", shadow_kind::COLUMN),
+            ("SHADOW_MEAN", shadow_kind::MEAN),
+            ("SCHEME_SHORT_CHARACTERISTICS", scheme::SHORT_CHARACTERISTICS),
+            ("SCHEME_PUBLISHED", scheme::PUBLISHED),
+            ("NO_FACE", LightFace::NONE),
             ("BLOCK", March::BLOCK),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
@@ -312,11 +326,12 @@ mod tests {
         for (language, scalar, color) in
             [(KernelLanguage::Wgsl, "f32", "vec4<f32>"), (KernelLanguage::Opencl, "float", "float4")]
         {
-            let text = text(language, &examples(true)[3]);
+            let text = text(language, &examples(true)[4]);
             for line in [
                 format!("{scalar} of_density;"),
                 format!("{scalar} of_emission_density;"),
                 format!("{color} of_in_scatter;"),
+                format!("{color} of_light_depth;"),
             ] {
                 assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
             }

@@ -1,11 +1,12 @@
 //! `direct`: every analytic light at every view sample (the course project of `docs/papers.md`, with falloff and
 //! phase function).
 
-use super::{Estimator, MediumFields, Sources};
+use super::opacity::propagate;
+use super::{Estimator, LightShadow, Lights, MediumFields, Sources};
 use crate::exec::{Plan, RenderError};
 use crate::light::Light;
-use crate::scene::{Direct, Scene, Shadow};
-use crate::stage::{LightRecord, shadow_kind};
+use crate::scene::{Direct, Opacity, Scene, Shadow};
+use crate::stage::LightRecord;
 
 impl Estimator for Direct {
     fn name(&self) -> &'static str {
@@ -15,21 +16,30 @@ impl Estimator for Direct {
     fn plan<'a>(
         &'a self,
         scene: &'a Scene,
-        _: &MediumFields,
+        medium: &MediumFields,
         plan: &mut Plan<'a>,
         sources: &mut Sources,
     ) -> Result<(), RenderError> {
-        if scene.lights.is_empty() {
-            return Ok(());
-        }
-        let records: Vec<_> = scene.lights.iter().map(|light| record(light, scene)).collect();
-        let shadow = match self.shadow {
-            Shadow::March => shadow_kind::MARCH,
-            Shadow::None => shadow_kind::NONE,
-        };
-        sources.lights = Some((plan.table("lights", records), shadow));
+        sources.lights = records(scene, plan, |plan| match self.shadow {
+            Shadow::March => LightShadow::March,
+            Shadow::Propagated => LightShadow::Field(propagate(Opacity::default(), scene, medium, plan)),
+            Shadow::None => LightShadow::Off,
+        });
         Ok(())
     }
+}
+
+/// The lights for the march, where any light is scattered, with what `shadow` plans.
+pub(super) fn records<'a>(
+    scene: &'a Scene,
+    plan: &mut Plan<'a>,
+    shadow: impl FnOnce(&mut Plan<'a>) -> LightShadow,
+) -> Option<Lights> {
+    if scene.lights.is_empty() || scene.optics.albedo == glam::Vec3::ZERO {
+        return None;
+    }
+    let records = scene.lights.iter().map(|light| record(light, scene)).collect();
+    Some(Lights { records: plan.table("lights", records), shadow: shadow(plan) })
 }
 
 /// Positions are relative to the eye, subtracted in f64, so that scenes far from the origin keep their precision.

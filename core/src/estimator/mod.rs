@@ -3,7 +3,10 @@
 //! An estimator plans the stages that prepare its J and adds what the march shall read to [`Sources`].
 
 mod direct;
+mod opacity;
 mod records;
+
+use glam::DVec3;
 
 use crate::device::{Buf, Field};
 use crate::exec::{Plan, RenderError};
@@ -60,14 +63,48 @@ pub struct InScatter {
     pub trilinear: bool,
 }
 
+/// What the way to the lights holds, over a grid of cells, for the march to sample.
+#[derive(Clone, Copy, Debug)]
+pub struct LightDepth {
+    /// RGBA, four lights to a layer.
+    pub field: Field,
+    /// Whether it holds mean densities along the way within the box, or columns.
+    pub mean: bool,
+}
+
 /// What the march adds up.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources {
     /// A field of in-scattered radiance.
     pub field: Option<InScatter>,
-    /// Lights that are evaluated at every view sample, and how the medium shadows them
-    /// ([`shadow_kind`](crate::stage::shadow_kind)).
-    pub lights: Option<(Buf<LightRecord>, u32)>,
+    /// Lights that are evaluated at every view sample.
+    pub lights: Option<Lights>,
+}
+
+/// Lights that are evaluated at every view sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Lights {
+    /// The lights.
+    pub records: Buf<LightRecord>,
+    /// The medium's own shadow.
+    pub shadow: LightShadow,
+}
+
+/// How the medium shadows lights.
+#[derive(Clone, Copy, Debug)]
+pub enum LightShadow {
+    /// Not at all.
+    Off,
+    /// By a march toward the light.
+    March,
+    /// By a field.
+    Field(LightDepth),
+}
+
+/// Cells along each axis of a box of `lengths` (metres): `cells` along the longest, the others in proportion.
+fn grid(cells: u32, lengths: DVec3) -> [u32; 3] {
+    let share = lengths / lengths.max_element() * f64::from(cells);
+    share.to_array().map(|n| n.round().max(1.0) as u32)
 }
 
 /// A way to know J(x, d).

@@ -58,8 +58,7 @@ impl Estimator for Records {
 impl Records {
     /// Cells along each axis of a box of `lengths` (metres): `cells` along the longest.
     pub fn grid(&self, lengths: DVec3) -> [u32; 3] {
-        let share = lengths / lengths.max_element() * f64::from(self.cells);
-        share.to_array().map(|n| n.round().max(1.0) as u32)
+        super::grid(self.cells, lengths)
     }
 }
 

@@ -74,6 +74,7 @@ pub struct Executor {
     /// Seconds a unit of a stage's work axis took the last time.
     pace: HashMap<&'static str, f64>,
     budget: Option<u64>,
+    patience: Option<Duration>,
     frame: u64,
     /// What was written since the device was last waited for: a fault may still surface.
     unproven: HashSet<ResourceId>,
@@ -102,6 +103,7 @@ impl Executor {
             held: HashMap::new(),
             pace: HashMap::new(),
             budget,
+            patience: None,
             frame: 0,
             unproven: HashSet::new(),
         }
@@ -122,6 +124,15 @@ impl Executor {
     /// has free at the time bounds it further.
     pub fn set_budget(&mut self, bytes: u64) {
         self.budget = Some(bytes);
+    }
+
+    /// Sets how long a piece of a stage may take; by default there is no limit. What takes longer fails with
+    /// [`DeviceError::Timeout`], and the device is lost where it could not stop the work. A stage is cut into pieces of
+    /// about 50 ms, or of a quarter of this where that is less, but the first piece that a device ever runs of it is a
+    /// 64th. A device that works while it is called (the processor) is not interrupted within a piece.
+    pub fn set_patience(&mut self, patience: Option<Duration>) {
+        self.patience = patience;
+        self.device.set_patience(patience);
     }
 
     /// Lets `build` make a plan and runs it. What `build` returns comes back with the report.
@@ -157,12 +168,12 @@ impl Executor {
         hooks: &mut Hooks<'_>,
         build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
     ) -> Result<(R, Report), E> {
-        let Self { device, slots, held, pace, budget, frame, unproven } = self;
+        let Self { device, slots, held, pace, budget, patience, frame, unproven } = self;
         *frame += 1;
         let mut plan = Plan::new(slots, *frame, device.info().limits);
         let result = build(&mut plan)?;
-        let report = Report::default();
-        let mut run = Run { device: device.as_mut(), held, pace, report, pending: Vec::new(), learns: false };
+        let (device, report, pending) = (device.as_mut(), Report::default(), Vec::new());
+        let mut run = Run { device, held, pace, patience: *patience, report, pending, learns: false };
         run.allocate(&plan, *budget)?;
         let Plan { slots, nodes, states, .. } = plan;
         let done = run.nodes(nodes, &slots.names, hooks, unproven).and_then(|()| run.end(end));
@@ -236,6 +247,7 @@ struct Run<'r> {
     device: &'r mut dyn Device,
     held: &'r mut HashMap<ResourceId, Held>,
     pace: &'r mut HashMap<&'static str, f64>,
+    patience: Option<Duration>,
     report: Report,
     /// Dispatches whose times are not known yet: place in the report, stage, units of its axis.
     pending: Vec<(usize, &'static str, u32)>,
@@ -245,6 +257,8 @@ struct Run<'r> {
 
 impl Run<'_> {
     fn fault(&self, stage: &str, error: DeviceError) -> ExecError {
+        // Of several stages that were waited for, the device knows which it was.
+        let stage = if let DeviceError::Timeout { stage, .. } = error { stage } else { stage };
         ExecError::Device { device: self.device.info().name.clone(), stage: stage.to_owned(), error }
     }
 
@@ -380,7 +394,8 @@ impl Run<'_> {
             self.finish()?;
         }
         let pace = self.pace.get(name).copied().unwrap_or(0.0);
-        let per_piece = (PIECE.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
+        let piece = self.patience.map_or(PIECE, |patience| PIECE.min(patience / 4));
+        let per_piece = (piece.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
         while at < axis {
             say(at)?;
             let end = at.saturating_add(per_piece).min(axis);
@@ -391,10 +406,11 @@ impl Run<'_> {
     }
 
     fn piece(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), ExecError> {
-        let units = range.end - range.start;
+        let (units, begin) = (range.end - range.start, Instant::now());
         self.device.dispatch(stage, range).map_err(|e| self.fault(stage.name(), e))?;
         self.pending.push((self.report.stages.len() - 1, stage.name(), units));
-        Ok(())
+        // The device may have built a kernel meanwhile; only its times tell how long the stage took.
+        if self.patience.is_some_and(|patience| begin.elapsed() > patience) { self.finish() } else { Ok(()) }
     }
 
     /// Waits, or leaves the work on its way; whether it waited.
@@ -424,6 +440,11 @@ impl Run<'_> {
             *done += f64::from(units);
         }
         self.pace.extend(spent.into_iter().map(|(stage, (seconds, units))| (stage, seconds / units.max(1.0))));
+        if let Some(patience) = self.patience
+            && let Some(time) = times.iter().find(|time| time.time > patience)
+        {
+            return Err(self.fault(time.stage, DeviceError::Timeout { stage: time.stage, patience }));
+        }
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
 use crate::Version;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
-use crate::estimator::{EmissionSource, Estimator, InScatter, MediumFields, Sources};
+use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
 use crate::light::Environment;
 use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
@@ -177,8 +177,10 @@ fn plan_frame<'a>(
     if let Some(EnvironmentEstimate::Records(records)) = &scene.estimate.environment {
         records.plan(scene, &medium, plan, &mut sources)?;
     }
-    if let Some(LightsEstimate::Direct(direct)) = &scene.estimate.lights {
-        direct.plan(scene, &medium, plan, &mut sources)?;
+    match &scene.estimate.lights {
+        Some(LightsEstimate::Opacity(opacity)) => opacity.plan(scene, &medium, plan, &mut sources)?,
+        Some(LightsEstimate::Direct(direct)) => direct.plan(scene, &medium, plan, &mut sources)?,
+        None => (),
     }
     let surface = plan_surface(scene, surface, plan);
     Ok(plan_march(scene, &medium, &sources, surface, plan))
@@ -258,11 +260,13 @@ fn plan_march<'a>(
         out: occupancy,
     }));
 
+    let per_voxel =
+        |cells: [u32; 3]| [0, 1, 2, 3].map(|a| if a < 3 { cells[a] as f32 / grid.dims[a] as f32 } else { 0.0 });
     let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
     let mut in_scatter = None;
     if let Some(InScatter { field, cells, bands, trilinear }) = sources.field {
         params.cells = [cells[0], cells[1], cells[2], field.spec.layers];
-        params.cells_per_voxel = [0, 1, 2, 3].map(|a| if a < 3 { cells[a] as f32 / grid.dims[a] as f32 } else { 0.0 });
+        params.cells_per_voxel = per_voxel(cells);
         (params.bands, params.trilinear) = (bands, trilinear.into());
         if field.spec.layers > 1 {
             params.harmonics_at = tables.len() as u32;
@@ -270,11 +274,21 @@ fn plan_march<'a>(
         }
         in_scatter = Some(field);
     }
-    params.shadow = shadow_kind::NONE;
-    let mut lights = None;
-    if let Some((buf, shadow)) = sources.lights {
-        (params.lights, params.shadow) = (buf.len as u32, shadow);
-        lights = Some(buf);
+    let (mut lights, mut light_depth) = (None, None);
+    if let Some(Lights { records, shadow }) = sources.lights {
+        params.lights = records.len as u32;
+        lights = Some(records);
+        params.shadow = match shadow {
+            LightShadow::Off => shadow_kind::NONE,
+            LightShadow::March => shadow_kind::MARCH,
+            LightShadow::Field(LightDepth { field, mean }) => {
+                let FieldSpec { dims, layers, .. } = field.spec;
+                params.light_cells = [dims[0], dims[1], dims[2], layers];
+                params.light_cells_per_voxel = per_voxel(dims);
+                light_depth = Some(field);
+                if mean { shadow_kind::MEAN } else { shadow_kind::COLUMN }
+            }
+        };
     }
     let phase = PhaseParams::new(&optics.phase);
     (params.phase_kind, params.phase) = (phase.kind, phase.lobes);
@@ -288,6 +302,7 @@ fn plan_march<'a>(
         density: medium.density,
         emission: medium.emission.field(),
         in_scatter,
+        light_depth,
         occupancy: Some(occupancy),
         lights,
         tables: plan.table("march tables", tables),

@@ -18,6 +18,8 @@ pub struct MarchInputs<'a> {
     pub emission: Option<&'a [f32]>,
     /// In-scattered radiance, laid out \[cell\]\[layer\].
     pub in_scatter: Option<&'a [[f32; 4]]>,
+    /// Columns or mean densities toward the lights, laid out \[cell\]\[layer\].
+    pub light_depth: Option<&'a [[f32; 4]]>,
     /// Lights.
     pub lights: &'a [LightRecord],
     /// Sub-pixel positions and the phase function's table; the constants of spherical harmonics are not read.
@@ -142,7 +144,7 @@ fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: 
     let rows = [params.index_x, params.index_y, params.index_z];
     let table = &inputs.tables[params.phase_at as usize..][..params.phase_size as usize];
     let mut sum = DVec3::ZERO;
-    for light in inputs.lights.iter().take(params.lights as usize) {
+    for (number, light) in inputs.lights.iter().take(params.lights as usize).enumerate() {
         let (toward, distance, falloff) = if light.position[3] == 0.0 {
             (xyz(light.position), f64::INFINITY, 1.0)
         } else {
@@ -150,16 +152,26 @@ fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: 
             let toward = way.normalize_or_zero();
             (toward, way.length(), cone(light, toward) / way.length_squared().max(params.light_floor.into()))
         };
+        let way = || Steps::new(at, apply(rows, toward), params.dims, distance, params.step.into());
         let column = match params.shadow {
-            shadow_kind::MARCH => {
-                Steps::new(at, apply(rows, toward), params.dims, distance, params.step.into()).column(density)
-            }
+            shadow_kind::MARCH => way().column(density),
+            shadow_kind::COLUMN => depth(params, inputs, at, number),
+            shadow_kind::MEAN => depth(params, inputs, at, number) * way().length * way().count as f64,
             _ => 0.0,
         };
         let arriving = xyz(light.power) * falloff * phase(params.phase_kind, params.phase, table, toward.dot(d));
         sum += arriving * DVec3::from((xyz(params.extinction) * column).to_array().map(transmittance));
     }
     sum
+}
+
+/// The field toward light `number`, at the point `at` of index space.
+fn depth(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, number: usize) -> f64 {
+    let layers = params.light_cells[3] as usize;
+    let texels = inputs.light_depth.unwrap_or_default();
+    let values: Vec<f32> = texels.iter().skip(number / 4).step_by(layers).map(|texel| texel[number % 4]).collect();
+    let place = (at + 0.5) * xyz(params.light_cells_per_voxel) - 0.5;
+    Samples::new(&values, params.light_cells).trilinear(place)
 }
 
 /// What a spot's cone leaves of its intensity: linear in the angle from `beam` to `cutoff`. 1 for other lights.
@@ -240,6 +252,7 @@ mod tests {
             density: &[density; 24],
             emission: None,
             in_scatter: None,
+            light_depth: None,
             lights: &[light],
             tables: &[0.5, 0.5],
             environment: None,

@@ -11,6 +11,7 @@ mod inject;
 mod lookup;
 mod march;
 mod project;
+mod propagate;
 mod reduce;
 mod relight;
 
@@ -18,5 +19,6 @@ pub use brute::{BruteForce, BruteSettings};
 pub use inject::{InjectInputs, inject};
 pub use march::{MarchInputs, march};
 pub use project::{ProjectInputs, project};
+pub use propagate::{PropagateInputs, propagate};
 pub use reduce::{ReduceInputs, reduce};
 pub use relight::{RelightInputs, relight};

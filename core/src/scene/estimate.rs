@@ -18,7 +18,7 @@ impl Default for Estimate {
     fn default() -> Self {
         Self {
             environment: Some(EnvironmentEstimate::Records(Records::default())),
-            lights: Some(LightsEstimate::Direct(Direct::default())),
+            lights: Some(LightsEstimate::Opacity(Opacity::default())),
         }
     }
 }
@@ -33,6 +33,9 @@ pub enum EnvironmentEstimate {
 /// Estimators of analytic lights.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightsEstimate {
+    /// Every light at every view sample, shadowed by a field of the way's density that spreads from cell to cell
+    /// (Giroud and Biri 2011).
+    Opacity(Opacity),
     /// Every light at every view sample.
     Direct(Direct),
 }
@@ -98,6 +101,32 @@ pub enum Elimination {
     None,
 }
 
+/// Options of `opacity`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Opacity {
+    /// Cells along the longest side of the box; the others in proportion.
+    pub cells: u32,
+    /// How the way's density spreads.
+    pub scheme: Scheme,
+}
+
+impl Default for Opacity {
+    fn default() -> Self {
+        Self { cells: 64, scheme: Scheme::ShortCharacteristics }
+    }
+}
+
+/// How the way's density spreads from cell to cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// From one plane nearer to the light, interpolated, with exact ways between.
+    ShortCharacteristics,
+    /// From the neighbours toward the light; a hop is as long as its share of the way.
+    Metric,
+    /// From the neighbours toward the light; a hop is a whole cell, as published, which overestimates.
+    Published,
+}
+
 /// Options of `direct`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Direct {
@@ -111,6 +140,8 @@ pub enum Shadow {
     /// A march toward the light from every view sample.
     #[default]
     March,
+    /// The field of [`Opacity`] with its default options.
+    Propagated,
     /// No shadow.
     None,
 }
@@ -150,13 +181,6 @@ impl Records {
     }
 
     fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
-        let range = |key, value, max| {
-            if (1..=max).contains(&value) {
-                Ok(())
-            } else {
-                Err(EstimateError::Range { key, value, range: format!("it must be from 1 to {max}") })
-            }
-        };
         range("cells", self.cells, Self::MAX_CELLS)?;
         range("bands", self.bands, Self::MAX_BANDS)?;
         if let Elimination::Probes(n) = self.elimination {
@@ -187,6 +211,20 @@ impl Records {
     }
 }
 
+/// An error unless the option is from 1 to `max`.
+fn range(key: &'static str, value: u32, max: u32) -> Result<(), EstimateError> {
+    if (1..=max).contains(&value) {
+        Ok(())
+    } else {
+        Err(EstimateError::Range { key, value, range: format!("it must be from 1 to {max}") })
+    }
+}
+
+impl Opacity {
+    /// The most cells along a side.
+    pub const MAX_CELLS: u32 = 1024;
+}
+
 /// The smallest n for which 12·n² HEALPix directions keep the first `bands` of spherical harmonics apart: their Gram
 /// matrix is off by at most [`GRAM_TOLERANCE`].
 fn coarsest_nside(bands: u32) -> u32 {
@@ -208,8 +246,12 @@ impl Estimate {
     /// The first option that is out of range or does not fit.
     pub fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
         match &self.environment {
-            Some(EnvironmentEstimate::Records(records)) => records.validate(phase),
-            None => Ok(()),
+            Some(EnvironmentEstimate::Records(records)) => records.validate(phase)?,
+            None => (),
+        }
+        match &self.lights {
+            Some(LightsEstimate::Opacity(opacity)) => range("cells", opacity.cells, Opacity::MAX_CELLS),
+            Some(LightsEstimate::Direct(_)) | None => Ok(()),
         }
     }
 }

@@ -12,8 +12,8 @@ use glam::DVec3;
 pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Records,
-    Shadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Opacity,
+    Records, Scheme, Shadow,
 };
 pub use film::Film;
 

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{Inject, March, Project, Reduce, Relight, Stage};
+use super::{Inject, March, Project, Propagate, Reduce, Relight, Stage};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -33,6 +33,14 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             records: buf(7),
             emission_records: full.then(|| buf(8)),
         }),
+        Stage::Propagate(Propagate {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            occupancy: full.then(|| buf(1)),
+            lights: buf(2),
+            faces: full.then(|| buf(3)),
+            out: buf(4),
+        }),
         Stage::Relight(Relight {
             params: Zeroable::zeroed(),
             records: buf(0),
@@ -45,13 +53,14 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             density: scalar(0),
             emission: full.then(|| scalar(1)),
             in_scatter: full.then(|| field(2, FieldFormat::Rgba)),
-            occupancy: full.then(|| buf(3)),
-            lights: full.then(|| buf(4)),
-            tables: buf(5),
-            environment: full.then(|| field(6, FieldFormat::Rgba)),
-            surface: full.then(|| buf(7)),
-            paths: full.then(|| buf(8)),
-            film: buf(9),
+            light_depth: full.then(|| field(3, FieldFormat::Rgba)),
+            occupancy: full.then(|| buf(4)),
+            lights: full.then(|| buf(5)),
+            tables: buf(6),
+            environment: full.then(|| field(7, FieldFormat::Rgba)),
+            surface: full.then(|| buf(8)),
+            paths: full.then(|| buf(9)),
+            film: buf(10),
         }),
         Stage::Inject(Inject {
             params: Zeroable::zeroed(),

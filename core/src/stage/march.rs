@@ -7,7 +7,7 @@
 //!
 //! J is the sum of what the estimators prepared: `in_scatter`, a field over the record cells of one layer, or of
 //! bands² layers that are weighed with Y_k(d) of the ray's direction; and `lights`, each with phase, falloff and the
-//! medium's own shadow. Space that `occupancy` shows empty is stepped over without moving a sample.
+//! medium's own shadow: exp(-`extinction` · column), the column marched, or trilinear from `light_depth`. Space that `occupancy` shows empty is stepped over without moving a sample.
 //!
 //! Behind the medium lie, each times T: the surface's radiance where there is one, else the visible environment.
 //!
@@ -22,7 +22,7 @@
 use std::ops::Range;
 
 use crate::basis::SphericalHarmonics;
-use crate::device::{Binding, Buf, Field, FieldFormat};
+use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec};
 use crate::kernel_struct;
 use crate::stage::grid::{is_scalar, most_steps};
 use crate::stage::{Kernel, PhaseParams, require};
@@ -64,6 +64,10 @@ kernel_struct! {
         cells: U32x4,
         /// Record cells per voxel along x, y, z; unused.
         cells_per_voxel: F32x4,
+        /// Cells of the lights' field along x, y, z; layers, each of four lights.
+        light_cells: U32x4,
+        /// The same cells per voxel along x, y, z; unused.
+        light_cells_per_voxel: F32x4,
         /// Columns of the picture.
         width: U32,
         /// Rows of the picture.
@@ -113,6 +117,10 @@ pub mod shadow_kind {
     pub const NONE: u32 = 0;
     /// By a march toward the light.
     pub const MARCH: u32 = 1;
+    /// By a field of columns, as [`propagate`](crate::stage::propagate) leaves them.
+    pub const COLUMN: u32 = 2;
+    /// By a field of mean densities along the way, times the way's length within the box.
+    pub const MEAN: u32 = 3;
 }
 
 kernel_struct! {
@@ -140,6 +148,8 @@ pub struct March {
     pub emission: Option<Field>,
     /// In-scattered radiance at the record cells.
     pub in_scatter: Option<Field>,
+    /// Columns or mean densities toward the lights, four to a layer.
+    pub light_depth: Option<Field>,
     /// Mean and maximum of each occupancy cell, from `reduce`.
     pub occupancy: Option<Buf<[f32; 2]>>,
     /// Lights.
@@ -220,6 +230,7 @@ impl Kernel for March {
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
             Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
             Binding::sample("in_scatter", FieldFormat::Rgba, self.in_scatter),
+            Binding::sample("light_depth", FieldFormat::Rgba, self.light_depth),
             Binding::read("occupancy", self.occupancy),
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
@@ -290,7 +301,14 @@ impl Kernel for March {
             "fewer than {} lights",
             p.lights
         );
-        require!(p.shadow <= shadow_kind::MARCH, "shadow kind {}", p.shadow);
+        require!(p.shadow <= shadow_kind::MEAN, "shadow kind {}", p.shadow);
+        if p.lights > 0 && p.shadow >= shadow_kind::COLUMN {
+            let [cells @ .., layers] = p.light_cells;
+            let spec = FieldSpec { dims: cells, layers, format: FieldFormat::Rgba };
+            let found = self.light_depth.map(|field| field.spec);
+            require!(found == Some(spec), "depths of lights in {found:?} for {:?}", p.light_cells);
+            require!(u64::from(layers) * 4 >= p.lights.into(), "{layers} layers of depths for {} lights", p.lights);
+        }
         if p.phase_kind == PhaseParams::TABLE {
             require!(p.phase_size >= 2, "a phase table of {} entries", p.phase_size);
             table = table.max(u64::from(p.phase_at) + u64::from(p.phase_size));
@@ -341,7 +359,7 @@ impl Kernel for March {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::{FieldSpec, ResourceId};
+    use crate::device::ResourceId;
     use bytemuck::Zeroable;
 
     /// Rays of up to 44 steps (the box's diagonal is 1.3 m and a step 31 mm), two lights with columns.
@@ -361,6 +379,7 @@ mod tests {
             density: Field { id: ResourceId(0), spec },
             emission: None,
             in_scatter: None,
+            light_depth: None,
             occupancy: None,
             lights: Some(Buf::new(ResourceId(1), 2)),
             tables: Buf::new(ResourceId(2), 2 * u64::from(samples)),

@@ -1,7 +1,7 @@
 //! The stages: all that a device must be able to run.
 //!
 //! A stage is parameters and handles. It reads fields and buffers, writes buffers, and its work axis may be cut into
-//! ranges that do not depend on each other. Each file here says what its stage computes and where that comes from;
+//! ranges, which do not depend on each other unless the stage is sequential. Each file here says what its stage computes and where that comes from;
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
 mod examples;
@@ -9,6 +9,7 @@ mod grid;
 mod inject;
 mod march;
 mod project;
+pub mod propagate;
 mod reduce;
 mod relight;
 
@@ -17,6 +18,7 @@ pub use grid::{GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
+pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
 pub use relight::{Relight, RelightParams};
 
@@ -40,6 +42,12 @@ pub trait Kernel {
     /// ([`Binding::part`]).
     fn group(&self) -> u32 {
         1
+    }
+
+    /// Where units of the work axis run in order, each seeing what the ones before wrote: the items of a unit, which do
+    /// not depend on each other. None where no unit depends on another.
+    fn sequential(&self) -> Option<u32> {
+        None
     }
 
     /// Whether parameters and resources fit each other.
@@ -66,6 +74,8 @@ pub enum Stage {
     Reduce(Reduce),
     /// Moments of transmittance or radiance at the cells of a record grid.
     Project(Project),
+    /// Columns or mean densities from every cell to each light.
+    Propagate(Propagate),
     /// In-scattered radiance from records and light.
     Relight(Relight),
     /// View rays through the medium.
@@ -79,6 +89,7 @@ macro_rules! each {
         match $self {
             Stage::Reduce($stage) => $value,
             Stage::Project($stage) => $value,
+            Stage::Propagate($stage) => $value,
             Stage::Relight($stage) => $value,
             Stage::March($stage) => $value,
             Stage::Inject($stage) => $value,
@@ -92,7 +103,8 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 5] = [Reduce::NAME, Project::NAME, Relight::NAME, March::NAME, Inject::NAME];
+    pub const NAMES: [&'static str; 6] =
+        [Reduce::NAME, Project::NAME, Propagate::NAME, Relight::NAME, March::NAME, Inject::NAME];
 
     /// Name of the stage and of its kernel files.
     pub fn name(&self) -> &'static str {
@@ -120,6 +132,12 @@ impl Stage {
         each!(self, stage => stage.group())
     }
 
+    /// Where units of the work axis run in order, each seeing what the ones before wrote: the items of a unit, which do
+    /// not depend on each other. None where no unit depends on another.
+    pub fn sequential(&self) -> Option<u32> {
+        each!(self, stage => stage.sequential())
+    }
+
     /// The stage cut into passes, so that all loops of an invocation together turn at most `turns` times. Passes run in
     /// order, each over the whole work axis, and each goes on from what the ones before left in the outputs.
     ///
@@ -129,6 +147,7 @@ impl Stage {
         Ok(match self {
             Self::Reduce(stage) => stage.passes(turns)?.into_iter().map(Self::Reduce).collect(),
             Self::Project(stage) => stage.passes(turns)?.into_iter().map(Self::Project).collect(),
+            Self::Propagate(stage) => stage.passes(turns)?.into_iter().map(Self::Propagate).collect(),
             Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
             Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
             Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),

@@ -1,8 +1,8 @@
 //! `[estimate]` and `[quality]`.
 
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Quality, Records,
-    Shadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Opacity, Quality,
+    Records, Scheme, Shadow,
 };
 
 use super::error::Fault;
@@ -69,10 +69,6 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
 fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
     let positive = Shape::POSITIVE;
     let shapes: &[(&str, Shape)] = match kind {
-        "opacity" => &[
-            ("cells", Shape::Whole(1, 4096)),
-            ("scheme", Shape::OneOf(&["short-characteristics", "metric", "published"])),
-        ],
         "sweeps" => &[
             ("cells", Shape::Whole(1, 4096)),
             ("bands", Shape::Whole(1, Records::MAX_BANDS)),
@@ -156,19 +152,34 @@ fn lights(field: &Field<'_>) -> Result<Option<LightsEstimate>, Fault> {
     if field.is_none() {
         return Ok(None);
     }
-    let (kind, table) = field.kinds(Some("direct"), &[OPACITY, DIRECT, NONE])?;
-    match kind {
-        "none" => Ok(None),
+    let (kind, table) = field.kinds(Some("opacity"), &[OPACITY, DIRECT, NONE])?;
+    Ok(match kind {
+        "opacity" => {
+            let default = Opacity::default();
+            let schemes = [
+                ("short-characteristics", Some(Scheme::ShortCharacteristics)),
+                ("metric", Some(Scheme::Metric)),
+                ("published", Some(Scheme::Published)),
+            ];
+            Some(LightsEstimate::Opacity(Opacity {
+                cells: table.or("cells", default.cells, |f| f.whole(1..=Opacity::MAX_CELLS))?,
+                scheme: table.or("scheme", default.scheme, |f| f.choice(&schemes))?,
+            }))
+        }
         "direct" => {
-            let shadows = [("march", Some(Shadow::March)), ("propagated", None), ("none", Some(Shadow::None))];
+            let shadows = [
+                ("march", Some(Shadow::March)),
+                ("propagated", Some(Shadow::Propagated)),
+                ("none", Some(Shadow::None)),
+            ];
             let shadow = table.or("shadow", Shadow::default(), |f| f.choice(&shadows))?;
             if let Some(field) = table.wanted("surface_shadow") {
                 field.choice(&[("none", Some(())), ("map", None), ("ray", None)])?;
             }
-            Ok(Some(LightsEstimate::Direct(Direct { shadow })))
+            Some(LightsEstimate::Direct(Direct { shadow }))
         }
-        _ => Err(unbuilt(field, kind, &table, "available: \"direct\"")?),
-    }
+        _ => None,
+    })
 }
 
 pub(super) fn quality(root: &Table<'_>) -> Result<Quality, Fault> {

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Quality, Records,
-    Shadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Opacity, Quality,
+    Records, Scheme, Shadow,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -290,6 +290,14 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(estimate("environment = false"), Estimate { environment: None, ..Estimate::default() });
     assert_eq!(estimate("environment = { kind = \"none\" }\nscattering = \"none\"").environment, None);
     assert_eq!(estimate("environment = \"records\"\nlights = { }\nall = \"none\""), Estimate::default());
+    let lights = |text: &str| estimate(&format!("lights = {text}")).lights;
+    let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme }));
+    assert_eq!(lights("\"opacity\""), opacity(64, Scheme::ShortCharacteristics));
+    assert_eq!(lights("{ cells = 96, scheme = \"metric\" }"), opacity(96, Scheme::Metric));
+    assert_eq!(lights("{ kind = \"opacity\", scheme = \"published\" }"), opacity(64, Scheme::Published));
+    let direct = |shadow| Some(LightsEstimate::Direct(Direct { shadow }));
+    assert_eq!(lights("{ kind = \"direct\", shadow = \"propagated\" }"), direct(Shadow::Propagated));
+    assert_eq!(lights("\"direct\""), direct(Shadow::March));
     let elimination = |text: &str| match estimate(&format!("environment.elimination = {text}")).environment {
         Some(EnvironmentEstimate::Records(r)) => r.elimination,
         None => panic!("no records"),

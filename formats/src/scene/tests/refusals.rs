@@ -133,20 +133,16 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
         ("[quality]\nscale = 3", "8:9: quality.scale = 3; it must be 1, 2 or 4"),
         ("[quality]\ntemporal = true", "8:12: quality.temporal = true is not built yet; available: false"),
         (
-            "[estimate]\nlights = { kind = \"opacity\", cells = 64, scheme = \"metric\" }",
-            "8:19: estimate.lights.kind = \"opacity\" is not built yet; available: \"direct\"",
+            "[estimate]\nlights = { kind = \"opacity\", cells = 1025 }",
+            "8:38: estimate.lights.cells = 1025; it must be a whole number from 1 to 1024",
         ),
         (
             "[estimate]\nlights = { kind = \"opacity\", scheme = \"fast\" }",
             "8:39: estimate.lights.scheme = \"fast\"; it must be \"short-characteristics\", \"metric\" or \"published\"",
         ),
         (
-            "[estimate]\nlights = { shadow = \"propagated\" }",
-            "8:21: estimate.lights.shadow = \"propagated\" is not built yet; available: \"march\" and \"none\"",
-        ),
-        (
-            "[estimate]\nlights = { surface_shadow = \"map\" }",
-            "8:29: estimate.lights.surface_shadow = \"map\" is not built yet; available: \"none\"",
+            "[estimate]\nlights = { kind = \"direct\", surface_shadow = \"map\" }",
+            "8:46: estimate.lights.surface_shadow = \"map\" is not built yet; available: \"none\"",
         ),
         (
             "[estimate]\nscattering = { kind = \"sweeps\", orders = \"converged\" }",
