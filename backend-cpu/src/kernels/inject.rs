@@ -189,6 +189,30 @@ fn gaussians(inputs: &Inputs<'_>, brick: [u32; 3], sums: &mut Sums) {
     }
 }
 
+/// The same statements for each packet of a slice. A loop over them would be the one that compilers spread over lanes,
+/// with a scatter for each store.
+macro_rules! across {
+    ($n:ident => $body:expr) => {{
+        {
+            let $n = 0usize;
+            $body
+        }
+        {
+            let $n = 1usize;
+            $body
+        }
+        {
+            let $n = 2usize;
+            $body
+        }
+        {
+            let $n = 3usize;
+            $body
+        }
+    }};
+}
+const _: () = assert!(ACROSS == 4, "`across!` names every packet of a slice");
+
 /// Where the lattice's edges stand at right angles, the exponential of a sum of three squares along them is a product
 /// of three, and a brick takes 24 exponentials for a Gaussian in place of 512.
 #[inline(always)]
@@ -212,15 +236,16 @@ fn separate(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums)
         let z = upright + t[2];
         let xy = bell(xy * xy * a2);
         let z = bell(z * z * a2);
-        let mut n = 0;
-        while n < ACROSS {
-            let share = F(lanes!(i => xy.0[i % BRICK] * xy.0[BRICK + 2 * n + i / BRICK] * c));
-            let mut k = 0;
-            while k < BRICK {
-                sums[k * ACROSS + n] = sums[k * ACROSS + n] + share * z.0[k];
-                k += 1;
+        let x = F(lanes!(i => xy.0[i % BRICK] * c));
+        for k in 0..BRICK {
+            if z.0[k] == 0.0 {
+                continue;
             }
-            n += 1;
+            let xz = x * z.0[k];
+            across!(n => {
+                let y = F(lanes!(i => xy.0[BRICK + 2 * n + i / BRICK]));
+                sums[k * ACROSS + n] = sums[k * ACROSS + n] + xz * y;
+            });
         }
     }
 }
