@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use airlight::Renderer;
 use airlight::device::{
@@ -72,6 +72,12 @@ pub(crate) fn cases() -> Vec<Case> {
             "A device that is given no time ends with an error that names device and stage. From then on it is lost, or \
              renders as before; another one is not harmed.",
             impatience,
+        ),
+        Case::new(
+            "fault::long_work_is_given_up",
+            "A device does not let its caller wait for long work that it was given no time for; where it gives up, it is \
+             lost, and another one is not harmed.",
+            given_up,
         ),
         Case::new("fault::two_devices_in_turn", "Two devices in one process render as each alone.", in_turn),
         Case::new(
@@ -153,21 +159,22 @@ fn invalid(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     Ok(())
 }
 
-/// `relight` of a hundred cells.
-fn relight(bench: &mut Bench) -> Result<Relight, Failed> {
-    let params = RelightParams { cells: 100, coefficients: 1, channels: 1, layers: 1, ..RelightParams::zeroed() };
+/// `relight` of so many cells.
+fn relight(bench: &mut Bench, cells: usize) -> Result<Relight, Failed> {
+    let params =
+        RelightParams { cells: cells as u32, coefficients: 1, channels: 1, layers: 1, ..RelightParams::zeroed() };
     Ok(Relight {
         params,
-        records: bench.buf(&[1.0f32; 100])?,
+        records: bench.buf(&vec![1.0f32; cells])?,
         emission_records: None,
         light: bench.buf(&[[2.0f32, 4.0, 8.0, 0.0]])?,
-        out: bench.room(100, Usage::Work)?,
+        out: bench.room(cells, Usage::Work)?,
     })
 }
 
 /// Whether the device still computes.
 fn goes_on(record: &mut Record, bench: &mut Bench) -> Result<(), Failed> {
-    let stage = relight(bench)?;
+    let stage = relight(bench, 100)?;
     let out = stage.out;
     bench.device.dispatch(&Stage::Relight(stage), 0..100)?;
     record.same("relit", bench.read(out)?.as_flattened(), [[2.0f32, 4.0, 8.0, 0.0]; 100].as_flattened());
@@ -176,7 +183,7 @@ fn goes_on(record: &mut Record, bench: &mut Bench) -> Result<(), Failed> {
 
 fn untimed(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
-    let good = relight(&mut bench)?;
+    let good = relight(&mut bench, 100)?;
     let gone = Relight { out: Buf::new(ResourceId(99), 100), ..good.clone() };
     // Longer than the resource behind it.
     let long = Relight { records: Buf::new(good.light.id, 1000), ..good.clone() };
@@ -379,6 +386,45 @@ fn impatience(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     drop(renderer);
     same(record, "another device after it", &undisturbed(subject, &scene())?, &expected);
     Ok(())
+}
+
+fn given_up(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    const CELLS: u32 = 1 << 22;
+    let mut bench = Bench::new(subject)?;
+    let stage = relight(&mut bench, CELLS as usize)?;
+    let out = stage.out;
+    let stage = Stage::Relight(stage);
+    // Its kernel is built, and all that was written has arrived.
+    bench.device.dispatch(&stage, 0..1)?;
+    bench.device.finish()?;
+    let patience = Duration::from_micros(1);
+    bench.device.set_patience(Some(patience));
+    for _ in 0..4 {
+        bench.device.dispatch(&stage, 0..CELLS)?;
+    }
+    let begin = Instant::now();
+    let finished = bench.device.finish().map(|times| times.len());
+    let waited = begin.elapsed();
+    bench.device.set_patience(None);
+    let none = bench.device.finish().map(|_| ());
+    match finished {
+        // A device that works within `dispatch`, or one that was so fast.
+        Ok(times) => {
+            check!(times == 4 && none.is_ok(), "{times} times for four dispatches, then {none:?}");
+            check!(waited < Duration::from_millis(200), "waited for {waited:?}");
+        }
+        Err(error) => {
+            check!(error == DeviceError::Timeout { stage: "relight", patience }, "{error:?}");
+            check!(waited < Duration::from_secs(1), "gave up after {waited:?}");
+            let read = bench.device.read(out.id, 0, &mut [0; 4]);
+            for result in [none, read] {
+                check!(matches!(result, Err(DeviceError::Lost(_))), "after giving up: {result:?}");
+            }
+        }
+    }
+    goes_on(record, &mut Bench::new(subject)?)?;
+    drop(bench);
+    goes_on(record, &mut Bench::new(subject)?)
 }
 
 fn in_turn(subject: &Subject, record: &mut Record) -> Result<(), Failed> {

@@ -64,6 +64,7 @@ fn cut_sky(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut sky = sky();
     (sky.visible, sky.rotation) = (true, 35.0);
     scene.environment = Some(sky);
+    scene.estimate.environment = None;
     let expected = by_the_processor(&scene)?;
     record.within(record.tolerance().filtered(record.info()), |record| {
         record.each(&sizes(), |record, &narrow| {

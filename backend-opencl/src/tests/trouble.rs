@@ -142,35 +142,6 @@ fn devices_open_and_run_from_several_threads_at_once() {
 }
 
 #[test]
-fn a_kernel_that_takes_too_long_is_given_up_and_the_device_with_it() {
-    let Some(mut device) = device() else { return };
-    let records = vec![1.0f32; 1 << 22];
-    let stage = Stage::Relight(super::relight(&mut device, &records));
-    device.dispatch(&stage, 0..1).unwrap();
-    device.finish().unwrap();
-    let patience = Duration::from_micros(1);
-    device.set_patience(Some(patience));
-    // Some time of work, whose end nobody waits for.
-    for _ in 0..4 {
-        device.dispatch(&stage, 0..1 << 22).unwrap();
-    }
-    let begin = Instant::now();
-    assert_eq!(device.finish().unwrap_err(), DeviceError::Timeout { stage: "relight", patience });
-    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
-    device.set_patience(None);
-    let lost = DeviceError::Lost("relight took longer than the 1µs that it was given".into());
-    assert_eq!(device.finish().unwrap_err(), lost);
-    assert_eq!(device.read(ResourceId(2), 0, &mut [0; 4]).unwrap_err(), lost);
-    drop(device);
-    // Another one is not harmed.
-    if let Some(mut other) = super::device() {
-        let stage = super::relight(&mut other, &records[..100]);
-        other.dispatch(&Stage::Relight(stage.clone()), 0..100).unwrap();
-        assert_eq!(content(&mut other, stage.out)[99], [2.0, 4.0, 8.0, 0.0]);
-    }
-}
-
-#[test]
 fn an_index_past_the_last_is_an_answer() {
     if device().is_some() {
         let error = (PROVIDER.open)(99).map(|device| device.info().name.clone()).unwrap_err();
