@@ -22,7 +22,7 @@ fn the_document_shows_the_toy_as_it_is() {
         text.push_str(&block);
     }
     let files = shown.keys().copied().collect::<Vec<_>>();
-    assert_eq!(files, ["Cargo.toml", "src/lib.rs", "tests/suite.rs"]);
+    assert_eq!(files, ["Cargo.toml", "examples/picture.rs", "src/lib.rs", "tests/suite.rs"]);
     for (file, text) in &shown {
         let written = fs::read_to_string(toy.join(file)).expect("a file of the toy");
         let differ = text.lines().zip(written.lines()).position(|(a, b)| a != b);
