@@ -203,7 +203,7 @@ fn beyond(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let cube = FieldSpec { dims: [1 << 20; 3], layers: 1, format: FieldFormat::Rgba };
     let layers = FieldSpec { dims: [64; 3], layers: u32::MAX, format: FieldFormat::Rgba };
-    for spec in [buffer(1 << 60), buffer(u64::MAX & !3), ResourceSpec::Field(cube), ResourceSpec::Field(layers)] {
+    for spec in [buffer(1 << 60), buffer(u64::MAX - 3), ResourceSpec::Field(cube), ResourceSpec::Field(layers)] {
         let id = bench.id();
         let error = bench.device.create(id, &spec).err();
         let told = match error {
@@ -431,9 +431,9 @@ fn in_turn(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let scenes = [scene(), other()];
     let expected = [undisturbed(subject, &scenes[0])?, undisturbed(subject, &scenes[1])?];
     let mut renderers = [subject.renderer()?, subject.renderer()?];
-    for turn in 0..4 {
+    for turn in 0..4usize {
         // Each device has both scenes, at different times.
-        let which = [turn % 2, (turn + 1) / 2 % 2];
+        let which = [turn % 2, turn.div_ceil(2) % 2];
         for (renderer, which) in renderers.iter_mut().zip(which) {
             same(record, "in turn", &renderer.render(&scenes[which])?.film, &expected[which]);
         }
