@@ -35,7 +35,7 @@ fn gaussians_stand_in_a_file() {
     let loaded = parse(json).unwrap();
     let DensitySource::Gaussians(gaussians) = loaded.scene.medium.source() else { panic!() };
     assert_eq!((gaussians.blobs()[1].center.z, gaussians.blobs()[1].c), (2.5, 1e-3));
-    assert_eq!(loaded.files, [path.clone()]);
+    assert_eq!(loaded.files, std::slice::from_ref(&path));
     assert!(parse("[]").is_ok());
     for (json, place, what) in [
         (r#"{"blobs": []}"#, ":1:", "expected a sequence"),
