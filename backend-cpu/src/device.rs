@@ -24,9 +24,13 @@ pub struct CpuDevice {
 /// Bytes of a resource for which the system is asked what it has free.
 const LARGE: u64 = 16 << 20;
 
-/// Memory in units of sixteen bytes, so that every element type is aligned.
+/// Sixteen bytes at a multiple of sixteen, so that every element type is aligned.
+#[repr(C, align(16))]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Unit([u32; 4]);
+
 struct Resource {
-    memory: Vec<[u32; 4]>,
+    memory: Vec<Unit>,
     spec: ResourceSpec,
 }
 
@@ -122,7 +126,7 @@ impl Device for CpuDevice {
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
         memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;
-        memory.resize(bytes.div_ceil(16), [0; 4]);
+        memory.resize(bytes.div_ceil(16), Unit([0; 4]));
         self.resources.insert(id, Resource { memory, spec: *spec });
         Ok(())
     }

@@ -16,8 +16,8 @@ use airlight::device::{
 use airlight::exec::{ExecError, Hooks, RenderError};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
-use airlight::media::Phase;
-use airlight::scene::{EnvironmentEstimate, Film, Records, Scene};
+use airlight::media::{Gaussian, Gaussians, Phase};
+use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene};
 use airlight::stage::{Relight, RelightParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
@@ -99,6 +99,11 @@ fn scene() -> Scene {
     scene.environment = Some(sky());
     let records = Records { cells: 5, bands: 2, directions: 48, ..Records::default() };
     scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
+    let blob = |x, y, z| Gaussian { center: DVec3::new(x, y, z), a: 4.0, c: 1.5 };
+    let blobs = vec![blob(0.1, 0.0, 0.2), blob(-0.2, 0.1, 0.0), blob(0.2, -0.2, 0.3)];
+    scene.medium = Arc::new(Gaussians::new(blobs, Map::Plain.lattice(DIMS)).expect("Gaussians"));
+    scene.lights = vec![Light::directional(DVec3::new(-0.4, 0.8, 0.3), Vec3::ONE).expect("a light")];
+    scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, ..Opacity::default() }));
     scene
 }
 
