@@ -71,7 +71,7 @@ fn cut_sky(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             let mut device = subject.open()?;
             if narrow {
                 // Some of the sky's 128 texels at a time.
-                device.narrow(&Limits { binding_bytes: 1024, field_side: 3, ..NARROW });
+                device.narrow(&Limits { binding_bytes: 2048, field_side: 3, ..NARROW });
             }
             hold(record, &Renderer::new(device).render(&scene)?.film, &expected);
             Ok(())

@@ -95,7 +95,6 @@ impl Stage {
 
 #[cfg(test)]
 mod tests {
-    use bytemuck::Zeroable;
 
     use super::*;
     use crate::device::{Buf, Field, FieldFormat, Usage};
@@ -129,8 +128,7 @@ mod tests {
 
     #[test]
     fn stages_fit_their_range_and_resources() {
-        let mut params = ReduceParams::zeroed();
-        (params.dims, params.coarse, params.cell) = ([3, 2, 4, 0], [3, 2, 2, 0], [1.0, 1.0, 2.0, 0.0]);
+        let params = ReduceParams::new([3, 2, 4, 0], [3, 2, 2, 0], [1.0, 1.0, 2.0, 0.0]);
         let density = Field { id: ResourceId(1), spec: FIELD };
         let stage = Stage::Reduce(Reduce { params, density, other: None, out: Buf::new(ResourceId(2), 12) });
         let holds = |field: ResourceSpec, out: ResourceSpec| {
