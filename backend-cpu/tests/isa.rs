@@ -43,6 +43,8 @@ fn scene(content: Content, phase: Phase) -> Scene {
         },
         environment: Some(Environment::new(Image { width: 8, height: 4, texels }).unwrap()),
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: vec![
             Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::ONE).unwrap(),
             Light::point(DVec3::new(-0.5, 0.9, 0.6), Vec3::ONE).unwrap(),

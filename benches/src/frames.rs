@@ -90,6 +90,8 @@ pub fn scene(frame: Frame) -> Scene {
         optics: Optics::grey(12.0, 0.9),
         environment: records.then(sky),
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: if records { Vec::new() } else { sun(0.0).into_iter().collect() },
         estimate: Estimate {
             // The paper's form for light that changes: another light needs no other records.

@@ -74,7 +74,7 @@ fn plain(value: &Value) -> String {
 
 fn scene(path: &Path) -> Result<Value, Failure> {
     let loaded = load_scene(path, &[])?;
-    let Scene { camera, medium, optics, environment, background, lights, estimate, quality } = &loaded.scene;
+    let Scene { camera, medium, optics, environment, background, lights, estimate, quality, .. } = &loaded.scene;
     let mut field = density(medium.as_ref());
     let columns = field.remove("largest_column").and_then(|c| serde_json::from_value::<[f64; 3]>(c).ok());
     if let Some(columns) = columns {

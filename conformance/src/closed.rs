@@ -106,6 +106,8 @@ fn fog(optics: Optics) -> Scene {
         optics,
         environment: None,
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality::default(),

@@ -139,6 +139,8 @@ pub(crate) fn cloud(map: Map, dims: UVec3, optics: Optics) -> Scene {
         optics,
         environment: None,
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality::default(),

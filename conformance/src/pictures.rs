@@ -84,6 +84,8 @@ pub fn scene() -> Result<Scene, Failed> {
         optics: Optics { albedo: Vec3::new(0.98, 0.9, 0.75), ..Optics::grey(16.0, 1.0) },
         environment: None,
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: Vec::new(),
         estimate: Estimate::default(),
         quality: Quality { step: 0.5 },

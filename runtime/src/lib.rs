@@ -24,6 +24,8 @@
 //!     optics: Optics::grey(3.0, 0.9), // extinction in 1/m, albedo
 //!     environment: Some(Environment::uniform(Vec3::splat(0.5))?),
 //!     background: None,
+//!     surfaces: None,
+//!     frame: 0,
 //!     lights: vec![Light::directional(DVec3::new(0.3, 1.0, 0.2), Vec3::splat(2.0))?],
 //!     estimate: Estimate::default(),
 //!     quality: Quality::default(),

@@ -53,6 +53,8 @@ fn scene() -> Scene {
         optics: Optics::grey(0.6, 0.9),
         environment: None,
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: vec![Light::directional(DVec3::new(0.5, 0.8, 0.35), Vec3::splat(3.0)).unwrap()],
         estimate: Estimate::default(),
         quality: Quality::default(),

@@ -35,6 +35,8 @@ fn scene() -> Scene {
         optics: Optics::grey(3.0, 0.9),
         environment: Some(Environment::uniform(Vec3::new(0.5, 1.0, 2.0)).unwrap()),
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: vec![light],
         estimate: Estimate::default(),
         quality: Quality::default(),

@@ -27,6 +27,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         optics: Optics::grey(3.0, 0.9),
         environment: Some(Environment::uniform(Vec3::splat(0.5))?),
         background: None,
+        surfaces: None,
+        frame: 0,
         lights: vec![Light::directional(DVec3::new(0.3, 1.0, 0.2), Vec3::splat(2.0))?],
         estimate: Estimate::default(),
         quality: Quality::default(),

@@ -311,6 +311,8 @@ mod tests {
             optics: Optics { albedo: Vec3::new(0.9, 0.5, 0.2), ..Optics::grey(extinction, 1.0) },
             environment: None,
             background: None,
+            surfaces: None,
+            frame: 0,
             lights: Vec::new(),
             estimate: Estimate::default(),
             quality: Quality::default(),

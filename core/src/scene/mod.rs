@@ -4,6 +4,7 @@ mod background;
 mod camera;
 mod estimate;
 mod film;
+mod mesh;
 
 use std::sync::Arc;
 
@@ -16,6 +17,7 @@ pub use estimate::{
     Records, Scheme, Shadow,
 };
 pub use film::Film;
+pub use mesh::{Material, Mesh, MeshError, Triangle};
 
 use crate::light::{Environment, EnvironmentError, Light};
 use crate::media::{Medium, MediumError, Optics, OpticsError};
@@ -33,6 +35,11 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// What stands behind the medium, of as many pixels as the camera's picture.
     pub background: Option<Background>,
+    /// Surfaces that end view rays, throw shadows and are lit through the medium.
+    pub surfaces: Option<Arc<Mesh>>,
+    /// Number of the picture within a sequence. What varies from picture to picture without anything moving depends on
+    /// it alone.
+    pub frame: u32,
     /// Analytic lights.
     pub lights: Vec<Light>,
     /// How in-scattered light is estimated.
@@ -165,6 +172,8 @@ mod tests {
             optics: Optics::grey(1.0, 0.5),
             environment: None,
             background: None,
+            surfaces: None,
+            frame: 0,
             lights: Vec::new(),
             estimate: Estimate::default(),
             quality: Quality::default(),

@@ -124,6 +124,8 @@ fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene
         environment: environment.map(|e| e.load(folder, &mut files, &mut warnings)).transpose()?,
         medium: medium.load(folder, read, &mut files)?,
         background,
+        surfaces: None,
+        frame: 0,
         lights,
         estimate,
         quality,
