@@ -128,11 +128,6 @@ pub fn detect(path: &Path, bytes: &[u8]) -> Result<Format, FormatError> {
     }
 }
 
-/// Whether a file of this ending is looked at as a surface.
-pub fn is_ending(path: &Path) -> bool {
-    path.extension().is_some_and(|e| ["obj", "gltf", "glb"].iter().any(|known| e.eq_ignore_ascii_case(known)))
-}
-
 fn read_file(path: &Path) -> Result<Vec<u8>, FormatError> {
     let kind = fs::metadata(path).map_err(FormatError::io(path))?;
     if kind.is_dir() {

@@ -84,7 +84,7 @@ fn what_is_wrong_is_told_at_its_key() {
             "8:9: surface[0].shape = \"cube\"; it must be \"box\", \"plane\", \"sphere\" or \"cornell-box\"",
         ),
         ("file = \"none.obj\"", "8:8: surface[0].file: scenes/none.obj: No such file or directory (os error 2)"),
-        ("shape = \"box\"\nsize = 2", "9:1: unknown key `size` in surface[0]; did you mean `scale`?"),
+        ("shape = \"box\"\nscales = 2", "9:1: unknown key `scales` in surface[0]; did you mean `scale`?"),
         (
             "shape = \"box\"\nscale = 0",
             "9:9: surface[0].scale = 0; each factor must be from 1e-9 to 1e9 in size; a negative one mirrors",
