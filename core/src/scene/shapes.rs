@@ -15,7 +15,7 @@ pub enum Shape {
     /// A square of 1 m² in the plane y = 0 that faces +Y: 2 triangles.
     Plane,
     /// A ball of radius ½ m with smooth normals, [`Shape::AROUND`] × [`Shape::DOWN`] facets between meridians and
-    /// parallels, poles on the y axis. Facets lie up to 0.13 % of the radius within the ball.
+    /// parallels, poles on the y axis. Facets lie up to 0.25 % of the radius within the ball.
     Sphere,
     /// A room that is open toward +Z, with a short block at the front on the right and a tall one behind it on the left.
     /// Seen from the open side the left wall is red and the right wall green, whatever the material; all else has it.

@@ -176,6 +176,10 @@ impl Obj {
             return Err(format!("f needs three corners or more; it has {count}"));
         }
         self.triangulate();
+        let (known, more, most) = (self.soup.triangles.len(), self.cut.len() / 3, Mesh::MAX_TRIANGLES);
+        if known + more > most {
+            return Err(format!("the file has more than the {most} triangles that are taken"));
+        }
         for i in (0..self.cut.len()).step_by(3) {
             let vertices = [0, 1, 2].map(|c| self.corner(self.cut[i + c] as usize));
             self.soup.triangles.push(Triangle { vertices, material: self.current });

@@ -172,7 +172,7 @@ fn sparse_accessors_change_some_elements() {
     assert!(told.contains("1000000000000 elements without a bufferView"), "{told}");
     let outside = with(
         "/accessors/0/sparse",
-        json!({ "count": 1, "indices": { "bufferView": 0, "byteOffset": 14, "componentType": 5121 },
+        json!({ "count": 1, "indices": { "bufferView": 0, "byteOffset": 15, "componentType": 5121 },
                 "values": { "bufferView": 0 } }),
     );
     assert!(load(&outside).unwrap_err().ends_with("accessors[0]: sparse.indices names element 64 of 4"));

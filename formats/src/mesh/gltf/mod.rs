@@ -17,7 +17,7 @@ use airlight_core::scene::{Material, Mesh, Triangle, normal_map};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use self::data::Data;
-use self::json::{Node, Primitive, Root};
+use self::json::{Asset, Node, Primitive, Root};
 use super::soup::Soup;
 use super::{Format, MeshFile, Open, Parsed, listed, shown};
 use crate::error::FormatError;
@@ -77,7 +77,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
         return Err(Fault::Whole(what));
     }
     let (mut at, mut json, mut blob) = (12, None, None);
-    while at + 8 <= bytes.len() && json.is_none() | blob.is_none() {
+    while at + 8 <= bytes.len() && (json.is_none() || blob.is_none()) {
         let (Some(length), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) else { break };
         let chunk = bytes.get(at + 8..).and_then(|rest| rest.get(..length as usize)).ok_or_else(|| {
             let left = bytes.len() - at - 8;
@@ -107,10 +107,11 @@ pub(super) fn parse(path: &Path, json: &[u8], blob: Option<&[u8]>, open: Open<'_
 }
 
 fn document(root: &Root, blob: Option<&[u8]>, open: Open<'_>) -> Result<Parsed, Fault> {
-    let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
-    if version != "2.0" {
-        let what = format!("glTF of version {}; airlight reads version 2.0", shown(version));
-        return Err(Fault::Unsupported(what));
+    let Asset { version, min_version } = &root.asset;
+    // A later 2.x says with minVersion what a reader must know.
+    if !version.starts_with("2.") || min_version.as_ref().is_some_and(|least| least != "2.0") {
+        let asked = min_version.as_ref().unwrap_or(version);
+        return Err(Fault::Unsupported(format!("glTF of version {}; airlight reads version 2.0", shown(asked))));
     }
     let unread: Vec<_> = root.extensions_required.iter().filter(|e| !READ.contains(&e.as_str())).collect();
     if !unread.is_empty() {
@@ -325,7 +326,7 @@ impl Reader<'_> {
         // What follows the last material is the default.
         let all = self.root.materials.len();
         let material = primitive.material.unwrap_or(all);
-        if material > all || primitive.material == Some(all) {
+        if primitive.material.is_some_and(|m| m >= all) {
             return Err(format!("there is no material {material}; the file has {all}"));
         }
         let triangles = triangles(primitive.mode, &corners);
