@@ -6,10 +6,10 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
-use airlight::scene::{Background, Scene};
+use airlight::scene::{Background, Material, Scene};
 use airlight_formats::image::load_environment;
-use airlight_formats::scene::load_scene;
-use airlight_formats::volume;
+use airlight_formats::scene::{LoadedSurface, load_scene};
+use airlight_formats::{mesh, volume};
 use serde_json::{Map, Value, json};
 
 use crate::failure::Failure;
@@ -18,7 +18,8 @@ use crate::{Done, output};
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// A scene (.toml), a volume (.vdb, .nrrd, .nii, .nii.gz, .mhd, .vol) or an environment (.exr, .hdr).
+    /// A scene (.toml), a volume (.vdb, .nrrd, .nii, .nii.gz, .mhd, .vol), an environment (.exr, .hdr) or surfaces (.obj,
+    /// .gltf, .glb).
     file: PathBuf,
     /// Print JSON (see docs/json.md).
     #[arg(long)]
@@ -31,6 +32,7 @@ pub(crate) fn run(options: &Options) -> Done {
     let value = match ending.as_str() {
         "toml" => scene(path)?,
         "exr" | "hdr" | "pic" => environment_file(path)?,
+        "obj" | "gltf" | "glb" => mesh_file(path)?,
         _ => volume_file(path)?,
     };
     if options.json {
@@ -102,6 +104,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
         "environment": environment.as_ref().map(environment_values),
         "background": background.as_ref().map(background_values),
         "light": lights.iter().map(light).collect::<Vec<_>>(),
+        "surface": loaded.surfaces.iter().map(surface).collect::<Vec<_>>(),
         "estimate": {
             "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
@@ -146,6 +149,43 @@ fn light(light: &Light) -> Value {
             "cutoff": cutoff.to_degrees(),
         }),
     }
+}
+
+fn surface(surface: &LoadedSurface) -> Value {
+    let (min, max) = surface.bounds;
+    let materials: Vec<_> = surface.materials.iter().map(|(name, m)| material(name, m)).collect();
+    json!({
+        "source": surface.source,
+        "triangles": surface.triangles,
+        "bounds": [min.to_array(), max.to_array()],
+        "material": materials,
+    })
+}
+
+fn material(name: &str, material: &Material) -> Value {
+    json!({
+        "name": name,
+        "diffuse": rgb(material.diffuse),
+        "specular": rgb(material.specular),
+        "shininess": material.shininess,
+    })
+}
+
+fn mesh_file(path: &Path) -> Result<Value, Failure> {
+    let file = mesh::read(path)?;
+    let materials: Vec<_> = file.names.iter().zip(file.mesh.materials()).map(|(name, m)| material(name, m)).collect();
+    Ok(json!({
+        "mesh": path.display().to_string(),
+        "format": file.format.name(),
+        "triangles": file.mesh.triangles().len(),
+        "degenerate": file.mesh.degenerate(),
+        "vertices": file.mesh.positions().len(),
+        "smooth": !file.mesh.normals().is_empty(),
+        "bounds": file.mesh.bounds().map(|(min, max)| [min.to_array(), max.to_array()]),
+        "material": materials,
+        "files": file.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
+        "warnings": file.warnings.iter().chain(&file.missing).collect::<Vec<_>>(),
+    }))
 }
 
 fn environment_file(path: &Path) -> Result<Value, Failure> {

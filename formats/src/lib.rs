@@ -1,7 +1,8 @@
-//! Files that airlight reads and writes: images, scenes and volumes.
+//! Files that airlight reads and writes: images, scenes, surfaces and volumes.
 
 pub mod error;
 pub mod image;
+pub mod mesh;
 pub mod output;
 pub mod scene;
 pub mod volume;

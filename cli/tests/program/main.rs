@@ -11,5 +11,6 @@ mod limits;
 mod outputs;
 mod reports;
 mod scenes;
+mod surfaces;
 mod volumes;
 mod workbench;

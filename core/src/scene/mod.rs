@@ -5,6 +5,8 @@ mod camera;
 mod estimate;
 mod film;
 mod mesh;
+mod placement;
+mod shapes;
 
 use std::sync::Arc;
 
@@ -18,6 +20,8 @@ pub use estimate::{
 };
 pub use film::Film;
 pub use mesh::{Material, Mesh, MeshError, Triangle};
+pub use placement::{Placement, normal_map};
+pub use shapes::Shape;
 
 use crate::light::{Environment, EnvironmentError, Light};
 use crate::media::{Medium, MediumError, Optics, OpticsError};

@@ -13,15 +13,18 @@ mod light;
 mod medium;
 mod overrides;
 mod pending;
+mod surface;
 mod table;
 mod tree;
 
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use airlight_core::media::OpticsError;
-use airlight_core::scene::{CameraError, EstimateError, Scene, SceneError};
+use airlight_core::scene::{CameraError, EstimateError, Material, Mesh, Scene, SceneError};
+use glam::DVec3;
 
 pub use self::error::SceneFileError;
 
@@ -45,6 +48,21 @@ pub struct LoadedScene {
     pub warnings: Vec<String>,
     /// The files that were read, the scene file first.
     pub files: Vec<PathBuf>,
+    /// The `[[surface]]`s whose triangles are [`Scene::surfaces`], in the scene's order.
+    pub surfaces: Vec<LoadedSurface>,
+}
+
+/// A `[[surface]]` of a scene.
+#[derive(Clone, Debug)]
+pub struct LoadedSurface {
+    /// The file as the scene names it, or the shape.
+    pub source: String,
+    /// How many triangles it has.
+    pub triangles: usize,
+    /// Lower and upper corner of the box around it, metres.
+    pub bounds: (DVec3, DVec3),
+    /// Its materials with their names, which are empty where there are none.
+    pub materials: Vec<(String, Material)>,
 }
 
 /// Reads a scene and everything that it names.
@@ -110,7 +128,7 @@ fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene
     let estimate = estimate::estimate(&sections)?;
     let quality = estimate::quality(&sections)?;
     let background = background::parse(&sections)?;
-    pending::surfaces(&sections)?;
+    let surfaces = surface::parse(&sections)?;
     pending::animation(&sections)?;
 
     let (mut warnings, mut files) = (Vec::new(), Vec::new());
@@ -118,13 +136,15 @@ fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene
         warnings.push("nothing shines: the scene has no [environment], no [[light]] and no emission".into());
     }
     let background = background.map(|b| b.load(folder, &camera, &mut files, &mut warnings)).transpose()?;
+    let made = surfaces.iter().map(|s| s.load(folder, &mut files, &mut warnings)).collect::<Result<Vec<_>, _>>()?;
+    let (meshes, surfaces): (Vec<_>, Vec<_>) = made.into_iter().unzip();
     let scene = Scene {
         camera,
         optics: medium.optics.clone(),
         environment: environment.map(|e| e.load(folder, &mut files, &mut warnings)).transpose()?,
         medium: medium.load(folder, read, &mut files)?,
         background,
-        surfaces: None,
+        surfaces: join(meshes).map_err(|what| Fault::new(root.locate("surface"), format!("surface: {what}")))?,
         frame: 0,
         lights,
         estimate,
@@ -134,7 +154,17 @@ fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene
         let key = responsible(&e);
         Fault::new(root.locate(&key), format!("{key}: {e}"))
     })?;
-    Ok(LoadedScene { scene, warnings, files })
+    Ok(LoadedScene { scene, warnings, files, surfaces })
+}
+
+/// All surfaces as one, where there are any.
+fn join(mut meshes: Vec<Mesh>) -> Result<Option<Arc<Mesh>>, String> {
+    let mesh = match meshes.len() {
+        0 => return Ok(None),
+        1 => meshes.remove(0),
+        _ => Mesh::joined(&meshes).map_err(|e| e.to_string())?,
+    };
+    Ok(Some(Arc::new(mesh)))
 }
 
 /// The key whose value a scene's own check refuses.

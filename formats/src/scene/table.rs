@@ -289,6 +289,14 @@ impl<'a> Field<'a> {
         Ok(DVec3::from_array(self.numbers("three numbers, [x, y, z]")?))
     }
 
+    /// A number, which stands for three, or three numbers.
+    pub(super) fn number_or_vector(&self) -> Result<DVec3, Fault> {
+        match &self.node.value {
+            Value::Whole(_) | Value::Number(_) => Ok(DVec3::splat(self.number()?)),
+            _ => Ok(DVec3::from_array(self.numbers("a number or [x, y, z]")?)),
+        }
+    }
+
     /// A number or [r, g, b], none of which is negative or above `most`.
     pub(super) fn color(&self, most: f32) -> Result<Vec3, Fault> {
         let v = match &self.node.value {

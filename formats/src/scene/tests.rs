@@ -17,6 +17,7 @@ use crate::volume::Volume;
 
 mod described;
 mod refusals;
+mod surfaces;
 
 /// The least scene: five lines, so that what follows begins on line 6.
 const BASE: &str = "[camera]\norigin = [0, 0, 3]\ntarget = [0, 0, 0]\n[medium]\nkind = \"homogeneous\"\n";

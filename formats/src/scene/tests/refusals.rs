@@ -105,18 +105,6 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (text, expected) in [
         ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
         (
-            "[[surface]]\nshape = \"plane\"\nmaterial = { diffuse = 0.7, specular = 0.04, shininess = 32 }",
-            "7:1: surface[0] is not built yet; leave [[surface]] out",
-        ),
-        (
-            "[[surface]]\nshape = \"plane\"\nmaterial = { diffuse = -0.7 }",
-            "9:24: surface[0].material.diffuse = -0.7; it must be at least 0",
-        ),
-        (
-            "[[surface]]\nfile = \"a.obj\"\nshape = \"plane\"",
-            "9:9: surface[0].file and surface[0].shape exclude each other; give one",
-        ),
-        (
             "[animation]\nframes = 3",
             "7:1: animation is not built yet; leave [animation] out; render a picture for each frame with --set",
         ),
