@@ -4,6 +4,7 @@ pub mod error;
 pub mod image;
 pub mod output;
 pub mod scene;
+pub mod sequence;
 pub mod volume;
 
 pub use error::FormatError;

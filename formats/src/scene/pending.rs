@@ -69,8 +69,3 @@ pub(super) fn surfaces(root: &Table<'_>) -> Result<(), Fault> {
     }
     first.map_or(Ok(()), |f| Err(f.pending("leave [[surface]] out")))
 }
-
-/// `[animation]`, whose keys are not settled: an empty one alone asks for nothing.
-pub(super) fn animation(root: &Table<'_>) -> Result<(), Fault> {
-    root.not_built("animation", "leave [animation] out; render a picture for each frame with --set")
-}
