@@ -28,6 +28,11 @@ impl Failure {
         Self { code: 3, message: message.to_string() }
     }
 
+    /// The same, with what was being worked on.
+    pub(crate) fn within(self, what: &str) -> Self {
+        Self { message: format!("{what}: {}", self.message), ..self }
+    }
+
     /// An output that could not be written.
     pub(crate) fn output(error: FormatError) -> Self {
         Self::running(error)

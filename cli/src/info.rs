@@ -8,7 +8,7 @@ use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
 use airlight::scene::{Background, Material, Scene};
 use airlight_formats::image::load_environment;
-use airlight_formats::scene::{LoadedSurface, load_scene};
+use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
 use airlight_formats::{mesh, volume};
 use serde_json::{Map, Value, json};
 
@@ -75,8 +75,9 @@ fn plain(value: &Value) -> String {
 }
 
 fn scene(path: &Path) -> Result<Value, Failure> {
-    let loaded = load_scene(path, &[])?;
-    let Scene { camera, medium, optics, environment, background, lights, estimate, quality, .. } = &loaded.scene;
+    let mut file = SceneFile::open(path, &[])?;
+    let loaded = file.frame(file.first_frame())?;
+    let Scene { camera, medium, optics, environment, background, frame, lights, estimate, quality, .. } = &loaded.scene;
     let mut field = density(medium.as_ref());
     let columns = field.remove("largest_column").and_then(|c| serde_json::from_value::<[f64; 3]>(c).ok());
     if let Some(columns) = columns {
@@ -86,6 +87,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
     }
     Ok(json!({
         "scene": path.display().to_string(),
+        "frame": frame,
         "camera": {
             "origin": camera.origin.to_array(),
             "target": camera.target.to_array(),
@@ -110,9 +112,21 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
         },
         "quality": { "step": quality.step, "step_metres": quality.step * medium.voxel() },
+        "animation": file.animation().map(animation),
         "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
         "warnings": loaded.warnings,
     }))
+}
+
+fn animation(animation: &Animation) -> Value {
+    let (first, last) = (*animation.frames.start(), *animation.frames.end());
+    let track: Vec<_> = animation
+        .tracks
+        .iter()
+        .map(|t| json!({ "key": t.key, "frames": t.frames, "interpolation": t.curve.name() }))
+        .collect();
+    let seconds = (f64::from(last - first) + 1.0) / animation.fps;
+    json!({ "frames": [first, last], "fps": animation.fps, "seconds": seconds, "track": track })
 }
 
 /// A phase function without the entries of its table.

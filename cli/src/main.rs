@@ -9,6 +9,7 @@ mod compare;
 mod conformance;
 mod devices;
 mod failure;
+mod frames;
 mod info;
 mod output;
 mod progress;

@@ -1,5 +1,6 @@
 //! Progress on standard error, where that is a terminal and the work takes over a second.
 
+use std::fmt::Display;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
@@ -19,7 +20,7 @@ impl Meter {
     }
 
     /// Shows what is running, and how much of it is done, 0 to 1.
-    pub(crate) fn show(&mut self, what: &str, done: f32) {
+    pub(crate) fn show(&mut self, what: impl Display, done: f32) {
         let now = Instant::now();
         let due = self.last.is_none_or(|last| now - last >= PAUSE);
         if self.on && now - self.begin >= QUIET && due {
@@ -31,12 +32,17 @@ impl Meter {
             let _ = err.flush();
         }
     }
+
+    /// Takes away what is shown.
+    pub(crate) fn clear(&mut self) {
+        if self.last.take().is_some() {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+    }
 }
 
 impl Drop for Meter {
     fn drop(&mut self) {
-        if self.last.is_some() {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
-        }
+        self.clear();
     }
 }

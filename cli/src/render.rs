@@ -1,5 +1,6 @@
 //! `airlight render`
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -7,20 +8,20 @@ use airlight::Renderer;
 use airlight::device::DeviceInfo;
 use airlight::exec::{Hooks, Progress, Rendered};
 use airlight::scene::{EnvironmentEstimate, LightsEstimate, Scene};
-use airlight_formats::image::{ToneMap, check_ending, write_film};
-use airlight_formats::scene::{LoadedScene, load_scene};
-use serde_json::{Value, json};
+use airlight_formats::image::{ToneMap, write_film};
+use airlight_formats::scene::{LoadedScene, SceneFile};
+use serde_json::{Map, Value, json};
 
 use crate::failure::Failure;
 use crate::progress::Meter;
-use crate::{Done, devices, output};
+use crate::{Done, devices, frames, output};
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The scene, a .toml file.
     scene: PathBuf,
-    /// Where to write; the ending says the format (.exr, .png). May repeat. Without it, the scene's name with .exr and
-    /// with .png in the current folder.
+    /// Where to write; the ending says the format (.exr, .png), and a run of # in the name is the number of the frame,
+    /// filled with zeros. May repeat. Without it, the scene's name with .exr and with .png in the current folder.
     #[arg(short, long = "output", value_name = "FILE")]
     output: Vec<PathBuf>,
     /// auto, a backend (cpu), an index (cpu:0) or part of a device's name.
@@ -32,6 +33,10 @@ pub(crate) struct Options {
     /// Sub-pixel positions per pixel, instead of the scene's.
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
+    /// Render these frames, A to B or a single one, each to files of its own: out.####.exr. Without it, the first frame of
+    /// the scene's [animation], or frame 0.
+    #[arg(long, value_name = "A-B", value_parser = frames::parse)]
+    frames: Option<RangeInclusive<u32>>,
     /// Exposure of .png in photographic stops: radiance is multiplied by 2^STOPS before tone mapping.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
     exposure: f32,
@@ -62,55 +67,102 @@ fn assignment(text: &str) -> Result<(String, String), String> {
     Ok((key.trim().to_owned(), value.trim().to_owned()))
 }
 
+/// A frame that was rendered.
+struct Picture<'a> {
+    frame: u32,
+    scene: &'a Scene,
+    info: &'a DeviceInfo,
+    rendered: &'a Rendered,
+    outputs: &'a [PathBuf],
+    /// Time to load and to render.
+    loading: Duration,
+    rendering: Duration,
+}
+
 pub(crate) fn run(options: &Options) -> Done {
-    let begin = Instant::now();
+    let mut begin = Instant::now();
     if options.scene.is_dir() {
         let what = format!("{}: is a folder; give the name of a scene, a .toml file", options.scene.display());
         return Err(Failure::input(what));
     }
-    let outputs = outputs(options)?;
-    let LoadedScene { scene, mut warnings, .. } = load(options)?;
+    let mut file = SceneFile::open(&options.scene, &overrides(options))?;
+    let (sequence, first) = (options.frames.is_some(), file.first_frame());
+    let frames = options.frames.clone().unwrap_or(first..=first);
+    let stem = options.scene.file_stem().unwrap_or(options.scene.as_os_str());
+    let outputs = frames::outputs(&options.output, Path::new(stem), frames.clone(), sequence)?;
+    if sequence {
+        file.check(frames.clone())?;
+    }
+    // A scene that cannot be read is told before a device is opened.
+    let mut first = Some(file.frame(*frames.start())?);
     let airlight::Chosen { device, passed_over } = airlight::choose(&options.device)?;
-    warnings.extend(passed_over);
-    warnings.iter().for_each(|w| output::remark(&format!("warning: {w}")));
-    let mut renderer = Renderer::new(device);
-    let loaded = begin.elapsed();
+    let mut warnings = Vec::new();
+    warn(passed_over, &mut warnings);
+    let info = device.info().clone();
+    let mut renderer = Some(Renderer::new(device));
 
-    let mut meter = Meter::new();
-    let mut show = |progress: Progress| meter.show(progress.stage, progress.done);
-    let hooks = &mut Hooks { progress: Some(&mut show), cancel: None };
-    let rendered = renderer.render_with(&scene, hooks)?;
-    drop(meter);
-    let rendering = begin.elapsed() - loaded;
-
-    let info = renderer.device().info().clone();
-    // Writing takes memory again: what the device held makes room.
-    drop(renderer);
-    let metadata = metadata(&scene, &info, &rendered, rendering, options);
     let tone = ToneMap { exposure: options.exposure, ..ToneMap::default() };
-    for path in &outputs {
-        write_film(path, &rendered.film, &metadata, tone).map_err(Failure::output)?;
+    let (mut meter, mut reports, mut common) = (Meter::new(), Vec::new(), Map::new());
+    let count = outputs.len();
+    for ((frame, outputs), number) in frames.zip(&outputs).zip(1..) {
+        let told = |failure: Failure| if sequence { failure.within(&format!("frame {frame}")) } else { failure };
+        let LoadedScene { scene, warnings: more, .. } = first.take().map_or_else(|| file.frame(frame), Ok)?;
+        warn(more, &mut warnings);
+        let loading = begin.elapsed();
+        let mut show = |progress: Progress| match sequence {
+            true => meter.show(format_args!("frame {frame}, {number} of {count}: {}", progress.stage), progress.done),
+            false => meter.show(progress.stage, progress.done),
+        };
+        let hooks = &mut Hooks { progress: Some(&mut show), cancel: None };
+        let Some(on) = &mut renderer else { unreachable!("the renderer is there until the last frame") };
+        let rendered = on.render_with(&scene, hooks).map_err(|e| told(e.into()))?;
+        if number == count {
+            // Writing takes memory again: what the device held makes room.
+            renderer = None;
+        }
+        let rendering = begin.elapsed() - loading;
+        let picture = Picture { frame, scene: &scene, info: &info, rendered: &rendered, outputs, loading, rendering };
+        meter.clear();
+        let metadata = picture.metadata(options);
+        for path in outputs {
+            write_film(path, &rendered.film, &metadata, tone).map_err(|e| told(Failure::output(e)))?;
+        }
+        if !options.json {
+            picture.tell()?;
+        } else {
+            if reports.is_empty() {
+                common = picture.common();
+            }
+            reports.push(picture.report(begin.elapsed() - loading - rendering));
+        }
+        begin = Instant::now();
     }
-    let writing = begin.elapsed() - loaded - rendering;
-    if options.json {
-        let seconds =
-            json!({ "load": loaded.as_secs_f64(), "render": rendering.as_secs_f64(), "write": writing.as_secs_f64() });
-        return output::json(&report(&scene, &info, &rendered, &outputs, &warnings, seconds));
+    if !options.json {
+        return Ok(());
     }
-    let names: Vec<_> = outputs.iter().map(|p| p.display().to_string()).collect();
-    let (w, h) = (scene.camera.width, scene.camera.height);
-    output::line(&format!(
-        "{} ({w} × {h}, {:.2} s to load, {:.2} s to render on {} {})",
-        names.join(", "),
-        loaded.as_secs_f64(),
-        rendering.as_secs_f64(),
-        info.id(),
-        info.name
-    ))
+    common.insert("warnings".into(), json!(warnings));
+    match reports.pop() {
+        Some(Value::Object(only)) if !sequence => common.extend(only),
+        last => {
+            reports.extend(last);
+            common.insert("frames".into(), reports.into());
+        }
+    }
+    output::json(&common.into())
 }
 
-/// The scene, with the options put in place of what it says.
-fn load(options: &Options) -> Result<LoadedScene, Failure> {
+/// Says each warning once.
+fn warn(new: Vec<String>, said: &mut Vec<String>) {
+    for warning in new {
+        if !said.contains(&warning) {
+            output::remark(&format!("warning: {warning}"));
+            said.push(warning);
+        }
+    }
+}
+
+/// What is put in place of what the scene says.
+fn overrides(options: &Options) -> Vec<(String, String)> {
     let mut overrides = options.set.clone();
     if let Some((w, h)) = options.size {
         overrides.push(("camera.size".into(), format!("[{w}, {h}]")));
@@ -118,28 +170,7 @@ fn load(options: &Options) -> Result<LoadedScene, Failure> {
     if let Some(samples) = options.samples {
         overrides.push(("camera.samples".into(), samples.to_string()));
     }
-    Ok(load_scene(&options.scene, &overrides)?)
-}
-
-/// Where to write, checked before the work and not after it.
-fn outputs(options: &Options) -> Result<Vec<PathBuf>, Failure> {
-    let mut outputs = options.output.clone();
-    if outputs.is_empty() {
-        let stem = options.scene.file_stem().unwrap_or(options.scene.as_os_str());
-        outputs = ["exr", "png"].map(|ending| Path::new(stem).with_added_extension(ending)).to_vec();
-    }
-    for path in &outputs {
-        check_ending(path)?;
-        if path.is_dir() {
-            return Err(Failure::input(format!("{}: is a folder; give the name of a file", path.display())));
-        }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !folder.is_dir() {
-            let what = format!("{}: the folder {} does not exist", path.display(), folder.display());
-            return Err(Failure::input(what));
-        }
-    }
-    Ok(outputs)
+    overrides
 }
 
 /// The estimators in words.
@@ -154,57 +185,79 @@ fn estimators(scene: &Scene) -> Vec<String> {
     environment.into_iter().chain(lights).collect()
 }
 
-/// What is written into the picture: device, estimators, version, settings, timing.
-fn metadata(
-    scene: &Scene,
-    info: &DeviceInfo,
-    rendered: &Rendered,
-    time: Duration,
-    options: &Options,
-) -> Vec<(String, String)> {
-    let stages: Vec<_> =
-        rendered.report.stages.iter().map(|s| format!("{} {:.3} s", s.stage, s.time.as_secs_f64())).collect();
-    let settings: Vec<_> = options.set.iter().map(|(k, v)| format!("{k}={v}")).collect();
-    [
-        ("airlight.version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("airlight.device", format!("{} {}", info.id(), info.name)),
-        ("airlight.scene", options.scene.display().to_string()),
-        ("airlight.estimators", estimators(scene).join("; ")),
-        ("airlight.settings", settings.join("; ")),
-        ("airlight.samples", scene.camera.samples.to_string()),
-        ("airlight.step", scene.quality.step.to_string()),
-        ("airlight.seconds", format!("{:.3}", time.as_secs_f64())),
-        ("airlight.stages", stages.join("; ")),
-    ]
-    .into_iter()
-    .map(|(k, v)| (k.to_owned(), v))
-    .collect()
-}
+impl Picture<'_> {
+    /// A line for people.
+    fn tell(&self) -> Done {
+        let names: Vec<_> = self.outputs.iter().map(|p| p.display().to_string()).collect();
+        output::line(&format!(
+            "{} ({} × {}, {:.2} s to load, {:.2} s to render on {} {})",
+            names.join(", "),
+            self.scene.camera.width,
+            self.scene.camera.height,
+            self.loading.as_secs_f64(),
+            self.rendering.as_secs_f64(),
+            self.info.id(),
+            self.info.name
+        ))
+    }
 
-fn report(
-    scene: &Scene,
-    info: &DeviceInfo,
-    rendered: &Rendered,
-    outputs: &[PathBuf],
-    warnings: &[String],
-    seconds: Value,
-) -> Value {
-    let report = &rendered.report;
-    let stages: Vec<_> = report
-        .stages
-        .iter()
-        .map(|s| json!({ "stage": s.stage, "ran": s.ran, "seconds": s.time.as_secs_f64() }))
-        .collect();
-    json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "device": devices::device(info),
-        "size": [scene.camera.width, scene.camera.height],
-        "samples": scene.camera.samples,
-        "estimators": estimators(scene),
-        "outputs": outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
-        "warnings": warnings,
-        "seconds": seconds,
-        "stages": stages,
-        "device_bytes": report.bytes,
-    })
+    /// What is written into the picture: device, estimators, version, settings, timing.
+    fn metadata(&self, options: &Options) -> Vec<(String, String)> {
+        let Self { scene, info, .. } = self;
+        let stages = self.rendered.report.stages.iter();
+        let stages: Vec<_> = stages.map(|s| format!("{} {:.3} s", s.stage, s.time.as_secs_f64())).collect();
+        let settings: Vec<_> = options.set.iter().map(|(k, v)| format!("{k}={v}")).collect();
+        [
+            ("airlight.version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("airlight.device", format!("{} {}", info.id(), info.name)),
+            ("airlight.scene", options.scene.display().to_string()),
+            ("airlight.frame", self.frame.to_string()),
+            ("airlight.estimators", estimators(scene).join("; ")),
+            ("airlight.settings", settings.join("; ")),
+            ("airlight.samples", scene.camera.samples.to_string()),
+            ("airlight.step", scene.quality.step.to_string()),
+            ("airlight.seconds", format!("{:.3}", self.rendering.as_secs_f64())),
+            ("airlight.stages", stages.join("; ")),
+        ]
+        .into_iter()
+        .map(|(k, v)| (k.to_owned(), v))
+        .collect()
+    }
+
+    /// What a report says once for all frames, by the first.
+    fn common(&self) -> Map<String, Value> {
+        let Self { scene, info, .. } = self;
+        [
+            ("version", json!(env!("CARGO_PKG_VERSION"))),
+            ("device", devices::device(info)),
+            ("size", json!([scene.camera.width, scene.camera.height])),
+            ("samples", json!(scene.camera.samples)),
+            ("estimators", json!(estimators(scene))),
+        ]
+        .into_iter()
+        .map(|(k, v)| (k.to_owned(), v))
+        .collect()
+    }
+
+    /// What a report says of each frame.
+    fn report(&self, writing: Duration) -> Value {
+        let report = &self.rendered.report;
+        let stages: Vec<_> = report
+            .stages
+            .iter()
+            .map(|s| json!({ "stage": s.stage, "ran": s.ran, "seconds": s.time.as_secs_f64() }))
+            .collect();
+        json!({
+            "frame": self.frame,
+            "outputs": self.outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
+            "seconds": {
+                "load": self.loading.as_secs_f64(),
+                "render": self.rendering.as_secs_f64(),
+                "write": writing.as_secs_f64(),
+            },
+            "uploads": report.uploads,
+            "stages": stages,
+            "device_bytes": report.bytes,
+        })
+    }
 }

@@ -5,6 +5,7 @@ pub mod image;
 pub mod mesh;
 pub mod output;
 pub mod scene;
+pub mod sequence;
 pub mod volume;
 
 pub use error::FormatError;

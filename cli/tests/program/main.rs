@@ -2,6 +2,7 @@
 //! right exit code, no file left behind, and neither a panic nor a hang nor all of the memory.
 
 mod absent;
+mod animation;
 mod bench;
 mod cameras;
 mod compare;

@@ -6,6 +6,7 @@ use airlight_core::light::clamp_texels;
 use airlight_core::scene::{Background, Camera};
 
 use super::error::Fault;
+use super::file::Slot;
 use super::table::{Field, Table};
 use crate::image::{read_depth, read_image};
 
@@ -30,9 +31,20 @@ pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Option<Plan<'a>>, Fault> {
 }
 
 impl Plan<'_> {
-    /// Reads the pictures, which must be of the camera's size. Adds the files to `files` and what was strange about them
+    /// Reads the pictures, unless they are kept, which must be of the camera's size. Adds the files to `files` and what was strange about them
     /// to `warnings`.
     pub(super) fn load(
+        &self,
+        folder: &Path,
+        camera: &Camera,
+        kept: &mut Slot<Background>,
+        files: &mut Vec<PathBuf>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Background, Fault> {
+        kept.get(self.table.without(&[]), files, warnings, |files, warnings| self.read(folder, camera, files, warnings))
+    }
+
+    fn read(
         &self,
         folder: &Path,
         camera: &Camera,

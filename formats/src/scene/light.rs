@@ -6,12 +6,16 @@ use airlight_core::light::{Environment, Light, LightError};
 use glam::{DVec3, Vec3};
 
 use super::error::Fault;
+use super::file::Slot;
 use super::table::{Field, Table};
+use super::tree::Entry;
 use crate::image::load_environment;
 
 /// `[environment]` before its picture is read.
 pub(super) struct Plan<'a> {
     source: Source<'a>,
+    /// The keys that the picture depends on.
+    keys: Vec<Entry>,
     scale: Vec3,
     rotation: f64,
     visible: bool,
@@ -39,6 +43,7 @@ pub(super) fn environment<'a>(root: &Table<'a>) -> Result<Option<Plan<'a>>, Faul
     };
     Ok(Some(Plan {
         source,
+        keys: table.without(&["scale", "rotation", "visible"]),
         scale: table.or("scale", Vec3::ONE, |f| f.color(f32::MAX))?,
         rotation: table.or("rotation", 0.0, |f| f.number())?,
         visible: table.or("visible", true, |f| f.flag())?,
@@ -46,23 +51,25 @@ pub(super) fn environment<'a>(root: &Table<'a>) -> Result<Option<Plan<'a>>, Faul
 }
 
 impl Plan<'_> {
-    /// Reads the picture. Adds the file to `files` and what was strange about it to `warnings`.
+    /// Reads the picture, unless it is kept. Adds the file to `files` and what was strange about it to `warnings`.
     pub(super) fn load(
-        &self,
+        self,
         folder: &Path,
+        kept: &mut Slot<Environment>,
         files: &mut Vec<PathBuf>,
         warnings: &mut Vec<String>,
     ) -> Result<Environment, Fault> {
-        let mut environment = match &self.source {
+        let source = self.source;
+        let mut environment = kept.get(self.keys, files, warnings, |files, warnings| match source {
             Source::File(field) => {
                 let path = folder.join(field.text()?);
                 let (environment, told) = load_environment(&path).map_err(|e| field.from(e))?;
                 files.push(path);
                 warnings.extend(told);
-                environment
+                Ok(environment)
             }
-            Source::Uniform(field) => Environment::uniform(field.color(f32::MAX)?).map_err(|e| field.from(e))?,
-        };
+            Source::Uniform(field) => Environment::uniform(field.color(f32::MAX)?).map_err(|e| field.from(e)),
+        })?;
         (environment.scale, environment.rotation, environment.visible) = (self.scale, self.rotation, self.visible);
         Ok(environment)
     }

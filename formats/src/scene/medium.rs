@@ -10,7 +10,9 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use super::described::{self, Described};
 use super::error::Fault;
+use super::file::Slot;
 use super::table::{Field, Table};
+use super::tree::Entry;
 use crate::FormatError;
 use crate::volume::Volume;
 
@@ -58,6 +60,8 @@ enum Source<'a> {
 /// A medium as the scene describes it, before any volume is read.
 pub(super) struct Plan<'a> {
     pub(super) optics: Optics,
+    /// The keys that the density depends on.
+    keys: Vec<Entry>,
     source: Source<'a>,
 }
 
@@ -87,14 +91,12 @@ pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
         "grid" => grid_source(&table)?,
         other => Source::Described(Described::parse(other, &table)?),
     };
-    Ok(Plan { optics, source })
+    Ok(Plan { optics, keys: table.without(OPTICS), source })
 }
 
 fn grid_source<'a>(table: &Table<'a>) -> Result<Source<'a>, Fault> {
     let file = table.require("file", "file = \"cloud.vdb\"")?;
-    if file.text()?.contains('#') {
-        return Err(file.pending("give the name of one file instead of a sequence"));
-    }
+    file.text()?;
     table.exclusive("albedo", "albedo_grid")?;
     for key in ["albedo_grid", "absorption_grid"] {
         table.not_built(key, "give albedo as a number or [r, g, b] for the whole medium")?;
@@ -160,13 +162,18 @@ fn phase(field: &Field<'_>) -> Result<Phase, Fault> {
 }
 
 impl Plan<'_> {
-    /// Reads the volumes. Adds the files that were read to `files`.
+    /// Reads the volumes, unless the medium is kept. Adds the files to `files`.
     pub(super) fn load(
         &self,
         folder: &Path,
         read: ReadVolume<'_>,
+        kept: &mut Slot<Arc<dyn Medium>>,
         files: &mut Vec<PathBuf>,
     ) -> Result<Arc<dyn Medium>, Fault> {
+        kept.get(self.keys.clone(), files, &mut Vec::new(), |files, _| self.read(folder, read, files))
+    }
+
+    fn read(&self, folder: &Path, read: ReadVolume<'_>, files: &mut Vec<PathBuf>) -> Result<Arc<dyn Medium>, Fault> {
         match &self.source {
             Source::Homogeneous { density, bounds } => {
                 let (min, max) = bounds.bounds()?;

@@ -4,11 +4,13 @@
 //! lists the keys. A key that is known but asks for something that is not built yet says so; its plain value
 //! (`"none"`, `false`, an empty list or table) is taken.
 
+mod animation;
 mod background;
 mod camera;
 mod described;
 mod error;
 mod estimate;
+mod file;
 mod light;
 mod medium;
 mod overrides;
@@ -20,15 +22,18 @@ mod tree;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
+use airlight_core::light::Light;
 use airlight_core::media::OpticsError;
-use airlight_core::scene::{CameraError, EstimateError, Material, Mesh, Scene, SceneError};
+use airlight_core::scene::{Camera, CameraError, Estimate, EstimateError, Material, Quality, Scene, SceneError};
 use glam::DVec3;
 
+pub use self::animation::{Animation, Curve, Track};
 pub use self::error::SceneFileError;
+pub use self::file::SceneFile;
 
 use self::error::Fault;
+use self::file::Kept;
 use self::medium::ReadVolume;
 use self::table::Table;
 use self::tree::Node;
@@ -65,7 +70,7 @@ pub struct LoadedSurface {
     pub materials: Vec<(String, Material)>,
 }
 
-/// Reads a scene and everything that it names.
+/// Reads a scene and everything that it names: its [first frame](SceneFile::first_frame) where it is animated.
 ///
 /// `overrides` are pairs of a dotted path (`light.0.intensity`) and a value (TOML, or a bare word that stands for
 /// itself), put in place of what the file says; keys and tables that are absent are created.
@@ -74,10 +79,8 @@ pub struct LoadedSurface {
 /// One that says where: a file that cannot be read, an unknown key, a value of the wrong type or out of range, two
 /// estimators for the same light, something that is not built yet.
 pub fn load_scene(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, SceneFileError> {
-    let text = read_text(path)?;
-    let mut loaded = parse_scene(&text, path, overrides)?;
-    loaded.files.insert(0, path.to_path_buf());
-    Ok(loaded)
+    let mut file = SceneFile::open(path, overrides)?;
+    file.frame(file.first_frame())
 }
 
 /// As [`load_scene`], of a `text` that is in memory. `path` names it in errors; the files that it names are relative to
@@ -86,21 +89,8 @@ pub fn load_scene(path: &Path, overrides: &[(String, String)]) -> Result<LoadedS
 /// # Errors
 /// As [`load_scene`].
 pub fn parse_scene(text: &str, path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, SceneFileError> {
-    parse_with(text, path, overrides, &|path, grid| crate::volume::read(path, grid))
-}
-
-fn parse_with(
-    text: &str,
-    path: &Path,
-    overrides: &[(String, String)],
-    read: ReadVolume<'_>,
-) -> Result<LoadedScene, SceneFileError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let built = Node::document(text).and_then(|mut root| {
-        overrides::apply(&mut root, overrides)?;
-        build(&root, folder, read)
-    });
-    built.map_err(|fault| fault.locate(path, text, overrides))
+    let mut file = SceneFile::parse(text, path, overrides)?;
+    file.frame(file.first_frame())
 }
 
 fn read_text(path: &Path) -> Result<String, SceneFileError> {
@@ -118,53 +108,66 @@ fn read_text(path: &Path) -> Result<String, SceneFileError> {
     })
 }
 
-/// Everything that is cheap to check comes before the first file is read.
-fn build(root: &Node, folder: &Path, read: ReadVolume<'_>) -> Result<LoadedScene, Fault> {
-    let sections = Table::root(root, SECTIONS)?;
-    let camera = camera::parse(&sections)?;
-    let medium = medium::parse(&sections)?;
-    let environment = light::environment(&sections)?;
-    let lights = light::lights(&sections)?;
-    let estimate = estimate::estimate(&sections)?;
-    let quality = estimate::quality(&sections)?;
-    let background = background::parse(&sections)?;
-    let surfaces = surface::parse(&sections)?;
-    pending::animation(&sections)?;
+/// The sections, before any file that they name is read.
+struct Parts<'a> {
+    camera: Camera,
+    medium: medium::Plan<'a>,
+    environment: Option<light::Plan<'a>>,
+    lights: Vec<Light>,
+    estimate: Estimate,
+    quality: Quality,
+    background: Option<background::Plan<'a>>,
+    surfaces: Vec<surface::Plan<'a>>,
+}
 
+impl<'a> Parts<'a> {
+    fn parse(sections: &Table<'a>) -> Result<Self, Fault> {
+        Ok(Self {
+            camera: camera::parse(sections)?,
+            medium: medium::parse(sections)?,
+            environment: light::environment(sections)?,
+            lights: light::lights(sections)?,
+            estimate: estimate::estimate(sections)?,
+            quality: estimate::quality(sections)?,
+            background: background::parse(sections)?,
+            surfaces: surface::parse(sections)?,
+        })
+    }
+}
+
+/// The scene of a frame. Everything that is cheap to check comes before the first file is read.
+fn build(root: &Node, frame: u32, folder: &Path, read: ReadVolume<'_>, kept: &mut Kept) -> Result<LoadedScene, Fault> {
+    let Parts { camera, medium, environment, lights, estimate, quality, background, surfaces } =
+        Parts::parse(&Table::root(root, SECTIONS)?)?;
     let (mut warnings, mut files) = (Vec::new(), Vec::new());
     if environment.is_none() && lights.is_empty() && !medium.optics.emits() {
         warnings.push("nothing shines: the scene has no [environment], no [[light]] and no emission".into());
     }
-    let background = background.map(|b| b.load(folder, &camera, &mut files, &mut warnings)).transpose()?;
-    let made = surfaces.iter().map(|s| s.load(folder, &mut files, &mut warnings)).collect::<Result<Vec<_>, _>>()?;
-    let (meshes, surfaces): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    let background =
+        background.map(|b| b.load(folder, &camera, &mut kept.background, &mut files, &mut warnings)).transpose()?;
+    let (mesh, surfaces) = surface::load(&surfaces, folder, &mut kept.surfaces, &mut files, &mut warnings)?;
     let scene = Scene {
         camera,
         optics: medium.optics.clone(),
-        environment: environment.map(|e| e.load(folder, &mut files, &mut warnings)).transpose()?,
-        medium: medium.load(folder, read, &mut files)?,
+        environment: environment
+            .map(|e| e.load(folder, &mut kept.environment, &mut files, &mut warnings))
+            .transpose()?,
+        medium: medium.load(folder, read, &mut kept.medium, &mut files)?,
         background,
-        surfaces: join(meshes).map_err(|what| Fault::new(root.locate("surface"), format!("surface: {what}")))?,
-        frame: 0,
+        surfaces: mesh,
+        frame,
         lights,
         estimate,
         quality,
     };
-    scene.validate().map_err(|e| {
-        let key = responsible(&e);
-        Fault::new(root.locate(&key), format!("{key}: {e}"))
-    })?;
+    scene.validate().map_err(|e| refused(root, &e))?;
     Ok(LoadedScene { scene, warnings, files, surfaces })
 }
 
-/// All surfaces as one, where there are any.
-fn join(mut meshes: Vec<Mesh>) -> Result<Option<Arc<Mesh>>, String> {
-    let mesh = match meshes.len() {
-        0 => return Ok(None),
-        1 => meshes.remove(0),
-        _ => Mesh::joined(&meshes).map_err(|e| e.to_string())?,
-    };
-    Ok(Some(Arc::new(mesh)))
+/// What a scene's own check refuses, at the key that is responsible.
+fn refused(root: &Node, error: &SceneError) -> Fault {
+    let key = responsible(error);
+    Fault::new(root.locate(&key), format!("{key}: {error}"))
 }
 
 /// The key whose value a scene's own check refuses.

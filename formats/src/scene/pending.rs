@@ -45,8 +45,3 @@ fn value(field: &Field<'_>, shape: Shape) -> Result<(), Fault> {
         },
     }
 }
-
-/// `[animation]`, whose keys are not settled: an empty one alone asks for nothing.
-pub(super) fn animation(root: &Table<'_>) -> Result<(), Fault> {
-    root.not_built("animation", "leave [animation] out; render a picture for each frame with --set")
-}

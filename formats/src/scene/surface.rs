@@ -1,12 +1,14 @@
 //! `[[surface]]`: files and shapes, what they are made of and where they stand.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use airlight_core::scene::{Material, Mesh, Placement, Shape};
 use glam::{DVec3, Vec3};
 
 use super::LoadedSurface;
 use super::error::Fault;
+use super::file::Slot;
 use super::table::{Field, Table};
 use crate::mesh;
 
@@ -30,6 +32,7 @@ struct Changes {
 /// A `[[surface]]` before its file is read.
 pub(super) struct Plan<'a> {
     field: Field<'a>,
+    table: Table<'a>,
     source: Source<'a>,
     changes: Changes,
     placement: Placement,
@@ -60,7 +63,7 @@ fn surface(field: Field<'_>) -> Result<Plan<'_>, Fault> {
         scale: table.or("scale", default.scale, |f| scale(&f))?,
     };
     let changes = table.get("material").map(|f| changes(&f)).transpose()?.unwrap_or_default();
-    Ok(Plan { field, source, changes, placement })
+    Ok(Plan { field, table, source, changes, placement })
 }
 
 fn scale(field: &Field<'_>) -> Result<DVec3, Fault> {
@@ -93,9 +96,31 @@ impl Changes {
     }
 }
 
+/// All surfaces as one mesh, where there are any, and each apart: made anew unless they are kept. Adds the files that
+/// were read to `files` and what was strange about them to `warnings`.
+pub(super) fn load(
+    plans: &[Plan<'_>],
+    folder: &Path,
+    kept: &mut Slot<(Arc<Mesh>, Vec<LoadedSurface>)>,
+    files: &mut Vec<PathBuf>,
+    warnings: &mut Vec<String>,
+) -> Result<(Option<Arc<Mesh>>, Vec<LoadedSurface>), Fault> {
+    let Some(last) = plans.last() else { return Ok((None, Vec::new())) };
+    // Frames of one scene have the same surfaces with the same keys: only values differ.
+    let keys = plans.iter().flat_map(|plan| plan.table.without(&[])).collect();
+    let (mesh, surfaces) = kept.get(keys, files, warnings, |files, warnings| {
+        let made = plans.iter().map(|plan| plan.load(folder, files, warnings)).collect::<Result<Vec<_>, _>>()?;
+        let (mut meshes, surfaces): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+        let mesh =
+            if meshes.len() == 1 { meshes.remove(0) } else { Mesh::joined(&meshes).map_err(|e| last.field.from(e))? };
+        Ok((Arc::new(mesh), surfaces))
+    })?;
+    Ok((Some(mesh), surfaces))
+}
+
 impl Plan<'_> {
     /// Makes the surface. Adds the files that were read to `files` and what was strange about them to `warnings`.
-    pub(super) fn load(
+    fn load(
         &self,
         folder: &Path,
         files: &mut Vec<PathBuf>,

@@ -33,7 +33,7 @@ pub(super) fn listed<S: AsRef<str>>(names: impl IntoIterator<Item = S>, quote: c
 }
 
 /// The known name that `name` was probably meant to be.
-fn closest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
+pub(super) fn closest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
     let distance = |k: &str| strsim::damerau_levenshtein(&name.to_lowercase(), k);
     let best = known.iter().map(|k| (distance(k), *k)).min()?;
     // A third of the letters wrong is as far as a slip goes; beyond it the list of keys helps more.
@@ -106,6 +106,11 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// Its entries without those of some keys.
+    pub(super) fn without(&self, keys: &[&str]) -> Vec<Entry> {
+        self.entries.iter().filter(|e| !keys.contains(&e.key.as_str())).cloned().collect()
+    }
+
     /// An error at the table itself.
     pub(super) fn fault(&self, message: impl Into<String>) -> Fault {
         Fault::new(self.origin, message)
@@ -113,6 +118,11 @@ impl<'a> Table<'a> {
 }
 
 impl<'a> Field<'a> {
+    /// The value itself.
+    pub(super) fn node(&self) -> &'a Node {
+        self.node
+    }
+
     /// An error at this value, in words that name it themselves.
     pub(super) fn error(&self, message: impl Into<String>) -> Fault {
         Fault::new(self.node.origin, message)

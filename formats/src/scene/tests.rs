@@ -15,6 +15,7 @@ use super::*;
 use crate::FormatError;
 use crate::volume::Volume;
 
+mod animation;
 mod described;
 mod refusals;
 mod surfaces;
@@ -44,7 +45,8 @@ fn volumes(path: &Path, grid: Option<&str>) -> Result<Volume, FormatError> {
 
 fn load(text: &str, sets: &[(&str, &str)]) -> Result<LoadedScene, SceneFileError> {
     let sets: Vec<_> = sets.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
-    parse_with(text, Path::new("scenes/a.toml"), &sets, &volumes)
+    let mut file = SceneFile::parse(text, Path::new("scenes/a.toml"), &sets)?;
+    file.frame_with(file.first_frame(), &volumes)
 }
 
 fn scene(rest: &str) -> Scene {
@@ -239,7 +241,7 @@ fn grids_that_cannot_be_used_are_told_at_their_key() {
     assert_eq!(told("grid = \"density\""), "4:1: medium.file is missing, as in file = \"cloud.vdb\"");
     assert_eq!(
         told("file = \"cloud.####.vdb\""),
-        "6:8: medium.file = \"cloud.####.vdb\" is not built yet; give the name of one file instead of a sequence"
+        "6:8: frame 0: medium.file: scenes/cloud.0000.vdb: not one of the test's volumes"
     );
     assert_eq!(
         told("file = \"cloud.vdb\"\ndensity = 2"),
@@ -369,6 +371,9 @@ fn piece() -> impl Strategy<Value = String> {
             "[quality]\n",
             "[environment]\n",
             "[[surface]]\n",
+            "[animation]\nframes = [0, 9]\n[[animation.track]]\nkey = \"medium.bounds\"\n",
+            "frames",
+            "values",
             "origin",
             "target",
             "kind",

@@ -18,8 +18,8 @@ pub(super) enum Origin {
     Set(usize),
 }
 
-/// A value.
-#[derive(Clone, Debug, PartialEq)]
+/// A value. Two are equal wherever they stand.
+#[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) origin: Origin,
     pub(super) value: Value,
@@ -36,12 +36,24 @@ pub(super) enum Value {
     Table(Vec<Entry>),
 }
 
-/// A key of a table and its value.
-#[derive(Clone, Debug, PartialEq)]
+/// A key of a table and its value. Two are equal wherever they stand.
+#[derive(Clone, Debug)]
 pub(super) struct Entry {
     pub(super) key: String,
     pub(super) origin: Origin,
     pub(super) node: Node,
+}
+
+impl PartialEq for Node {
+    fn eq(&self, other: &Self) -> bool {
+        self.value == other.value
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.key == other.key && self.node == other.node
+    }
 }
 
 /// The most characters of the user's text that an error repeats.
@@ -116,6 +128,23 @@ impl Node {
             Value::Table(entries) => entries.iter().find(|e| e.key == key),
             _ => None,
         }
+    }
+
+    /// The value of a path of keys and, in lists, numbers from 0.
+    pub(super) fn at<S: AsRef<str>>(&self, path: &[S]) -> Option<&Self> {
+        path.iter().try_fold(self, |node, step| match &node.value {
+            Value::List(nodes) => nodes.get(step.as_ref().parse::<usize>().ok()?),
+            _ => node.get(step.as_ref()).map(|e| &e.node),
+        })
+    }
+
+    /// As [`Node::at`], to change it.
+    pub(super) fn at_mut<S: AsRef<str>>(&mut self, path: &[S]) -> Option<&mut Self> {
+        path.iter().try_fold(self, |node, step| match &mut node.value {
+            Value::List(nodes) => nodes.get_mut(step.as_ref().parse::<usize>().ok()?),
+            Value::Table(entries) => entries.iter_mut().find(|e| e.key == step.as_ref()).map(|e| &mut e.node),
+            _ => None,
+        })
     }
 
     /// Where the value of a dotted path stands, or else the innermost table on the way that is there.

@@ -105,10 +105,6 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (text, expected) in [
         ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
         (
-            "[animation]\nframes = 3",
-            "7:1: animation is not built yet; leave [animation] out; render a picture for each frame with --set",
-        ),
-        (
             "[quality]\nsteps = 100",
             "8:9: quality.steps = 100 is not built yet; give step, the length of a step in voxels",
         ),
