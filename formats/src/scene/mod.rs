@@ -9,6 +9,7 @@ mod camera;
 mod described;
 mod error;
 mod estimate;
+mod grids;
 mod light;
 mod medium;
 mod overrides;
