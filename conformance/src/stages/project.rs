@@ -69,7 +69,7 @@ pub(crate) fn cases() -> Vec<Case> {
         Set { emission: Emission::Own, chromatic: true, colored_weights: true, ..plain("emission_of_its_own") },
         Set { emission: Emission::Own, eliminated: true, coefficients: 4, ..plain("emission_and_empty_cells") },
         Set { emission: Emission::Colored, chromatic: true, map: Map::Sheared, ..plain("emission_color") },
-        Set { emission: Emission::Colored, coefficients: 1, step: 0.03, ..plain("emission_color_of_one_coefficient") },
+        Set { emission: Emission::Colored, coefficients: 1, step: 0.037, ..plain("emission_color_of_one_coefficient") },
     ];
     sets.extend(Map::ALL.map(|map| Set { map, chromatic: true, ..plain(&format!("{map:?}").to_lowercase()) }));
     for (name, phase) in phases() {
