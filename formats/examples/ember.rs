@@ -15,7 +15,7 @@ use airlight_formats::volume::{VdbWriteOptions, write_vdb};
 const DIMS: UVec3 = UVec3::new(56, 96, 56);
 const VOXEL: f64 = 0.025;
 /// Height at which the flames end and smoke is left, metres.
-const FLAMES: f64 = 1.15;
+const FLAMES: f64 = 1.45;
 
 /// Smooth from 0 at `a` to 1 at `b`.
 fn rise(a: f64, b: f64, x: f64) -> f64 {
@@ -45,13 +45,13 @@ impl Fire {
         let axis = DVec3::new(0.10 * (2.2 * y + 0.4).sin() * height, 0.0, 0.08 * (2.9 * y + 1.9).sin() * height);
         let q = p - axis + aside * (0.10 + 0.32 * height);
         let radius = q.x.hypot(q.z);
-        let width = 0.24 - 0.10 * rise(0.0, 0.7, y) + 0.27 * rise(0.5, 2.3, y);
+        let width = 0.19 + 0.09 * rise(0.0, 0.2, y) - 0.12 * rise(0.2, 0.9, y) + 0.30 * rise(0.7, 2.3, y);
         let torn = value(&self.tears, stretched);
         let billow = value(&self.billows, p);
         // 1 on the axis, 0 at the rim.
         let inside = 1.0 - radius / width;
-        let flame = rise(0.0, 0.55, inside + 0.55 * torn - 0.75 * rise(0.2, FLAMES, y));
-        let smoke = rise(-0.1, 0.5, inside + 0.65 * billow) * rise(0.35, 1.1, y) * (1.0 - rise(1.7, 2.35, y));
+        let flame = rise(0.0, 0.8, inside + 0.75 * torn - 0.7 * rise(0.3, FLAMES, y)) * (1.0 - rise(0.6 * FLAMES, FLAMES, y));
+        let smoke = rise(-0.1, 0.5, inside + 0.75 * billow) * rise(0.4, 1.4, y) * (1.0 - rise(1.6, 2.35, y));
         let density = 0.35 * flame + 0.9 * smoke * (1.0 - 0.8 * flame);
         let core = flame * (1.0 - 0.25 * rise(0.0, FLAMES, y));
         let heat = if flame > 0.0 { 900.0 + 1350.0 * core } else { 0.0 };
