@@ -20,10 +20,10 @@ typedef struct {
     float falloff;
 } Incident;
 
-// What the medium does to light at a point, per channel: extinction in 1/m, emission in W m^-3 sr^-1.
+// What the medium does to light at a point, per channel: extinction and scattering in 1/m, emission in W m^-3 sr^-1.
 typedef struct {
     float3 extinction;
-    float3 albedo;
+    float3 scattering;
     float3 emission;
 } Optics;
 
@@ -189,7 +189,7 @@ void walk(const Bound *bound, Path *path) {
         Optics here = optics(bound, at, size);
         float3 extinction = here.extinction;
         float3 light = (float3)(0.0f);
-        if (scatters && max(max(extinction.x, extinction.y), extinction.z) > 0.0f) {
+        if (scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f) {
             light = gathered(bound, at, basis) + direct(bound, at, direction, t);
         }
         // Grey extinction takes one exponential.
@@ -197,7 +197,7 @@ void walk(const Bound *bound, Path *path) {
         float2 green = grey ? red : segment(extinction.y * ray.step);
         float2 blue = grey ? red : segment(extinction.z * ray.step);
         float3 mean = (float3)(red.y, green.y, blue.y);
-        float3 sent = extinction * here.albedo * light + here.emission;
+        float3 sent = here.scattering * light + here.emission;
         path->radiance += transmittance * ray.step * mean * sent;
         float3 stopped = transmittance * (extinction * ray.step * mean);
         path->transmittance = transmittance * (float3)(red.x, green.x, blue.x);
@@ -281,13 +281,19 @@ float4 light_depths(const Bound *bound, float3 at, uint layer) {
 // The optics at `at` in index space.
 Optics optics(const Bound *bound, float3 at, int3 size) {
     float density = sample_density(bound, at, size, 0);
-    float source = density;
-    if (has_emission_density) {
-        source = sample_emission_density(bound, at, size, 0);
+    float3 scatters = (float3)(density);
+    if (has_scattering) {
+        scatters = sample_scattering(bound, at, size, 0).xyz;
+    }
+    float3 source = (float3)(density);
+    if (has_emission_color) {
+        source = sample_emission_color(bound, at, size, 0).xyz;
+    } else if (has_emission_density) {
+        source = (float3)(sample_emission_density(bound, at, size, 0));
     }
     Optics here;
     here.extinction = density * bound->params->extinction.xyz;
-    here.albedo = bound->params->albedo.xyz;
+    here.scattering = scatters * bound->params->extinction.xyz * bound->params->albedo.xyz;
     here.emission = source * bound->params->emission.xyz;
     return here;
 }

@@ -127,9 +127,11 @@ float3 emission_along(const Bound *bound, const Ray *ray, float3 *glow) {
     for (float k = 0.0f; k < ray->steps; k += 1.0f) {
         float3 at = along(ray, middle(ray, k));
         float density = sample_density(bound, at, size, 0);
-        float source = density;
-        if (has_emission_density) {
-            source = sample_emission_density(bound, at, size, 0);
+        float3 source = (float3)(density);
+        if (has_emission_color) {
+            source = sample_emission_color(bound, at, size, 0).xyz;
+        } else if (has_emission_density) {
+            source = (float3)(sample_emission_density(bound, at, size, 0));
         }
         float3 tau = density * ray->step * sigma;
         float2 x = segment(tau.x);

@@ -148,14 +148,14 @@ fn walk(path: ptr<function, Path>) {
         let at = along(ray, t);
         let here = optics(at, size);
         var light = vec3<f32>(0.0);
-        if scatters && max(max(here.extinction.x, here.extinction.y), here.extinction.z) > 0.0 {
+        if scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0 {
             light = gathered(at, &basis) + direct(at, direction, t);
         }
         var share = 0.0;
         for (var c = 0u; c < 3u; c++) {
             let extinction = here.extinction[c];
             let piece = segment(extinction * ray.step);
-            let sent = extinction * here.albedo[c] * light[c] + here.emission[c];
+            let sent = here.scattering[c] * light[c] + here.emission[c];
             (*path).radiance[c] += transmittance[c] * ray.step * piece.y * sent;
             share += transmittance[c] * (extinction * ray.step * piece.y);
             (*path).transmittance[c] = transmittance[c] * piece.x;
@@ -237,21 +237,28 @@ fn light_depths(at: vec3<f32>, layer: u32) -> vec4<f32> {
     return sample_light_depth(place, vec3<i32>(params.light_cells.xyz), i32(layer));
 }
 
-// What the medium does to light at a point, per channel: extinction in 1/m, emission in W m^-3 sr^-1.
+// What the medium does to light at a point, per channel: extinction and scattering in 1/m, emission in W m^-3 sr^-1.
 struct Optics {
     extinction: vec3<f32>,
-    albedo: vec3<f32>,
+    scattering: vec3<f32>,
     emission: vec3<f32>,
 }
 
 // The optics at `at` in index space.
 fn optics(at: vec3<f32>, size: vec3<i32>) -> Optics {
     let density = sample_density(at, size, 0);
-    var source = density;
-    if has_emission_density {
-        source = sample_emission_density(at, size, 0);
+    var scatters = vec3<f32>(density);
+    if has_scattering {
+        scatters = sample_scattering(at, size, 0).xyz;
     }
-    return Optics(density * params.extinction.xyz, params.albedo.xyz, source * params.emission.xyz);
+    var source = vec3<f32>(density);
+    if has_emission_color {
+        source = sample_emission_color(at, size, 0).xyz;
+    } else if has_emission_density {
+        source = vec3<f32>(sample_emission_density(at, size, 0));
+    }
+    let scattering = scatters * params.extinction.xyz * params.albedo.xyz;
+    return Optics(density * params.extinction.xyz, scattering, source * params.emission.xyz);
 }
 
 // A direction of the world in voxels per metre.

@@ -143,9 +143,11 @@ fn emission_along(ray: Ray, glow: ptr<function, vec3<f32>>) -> vec3<f32> {
     for (var k = 0.0; k < ray.steps; k += 1.0) {
         let at = along(ray, middle(ray, k));
         let density = sample_density(at, size, 0);
-        var source = density;
-        if has_emission_density {
-            source = sample_emission_density(at, size, 0);
+        var source = vec3<f32>(density);
+        if has_emission_color {
+            source = sample_emission_color(at, size, 0).xyz;
+        } else if has_emission_density {
+            source = vec3<f32>(sample_emission_density(at, size, 0));
         }
         let tau = density * ray.step * sigma;
         let x = segment(tau.x);

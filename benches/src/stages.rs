@@ -213,6 +213,7 @@ impl Rig {
             params,
             density: self.density,
             emission: None,
+            emission_color: None,
             occupancy: None,
             directions: self.fill(&directions)?,
             weights: self.fill(&weights)?,
@@ -289,7 +290,9 @@ impl Rig {
         let stage = March {
             params,
             density: self.density,
+            scattering: None,
             emission: None,
+            emission_color: None,
             in_scatter: None,
             light_depth: None,
             occupancy: None,

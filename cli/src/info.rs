@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
-use airlight::media::{Grid, GridMedium, Lattice, Medium};
+use airlight::media::{Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
 use airlight::scene::{Background, Material, Scene};
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
@@ -102,6 +102,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "emission": rgb(optics.emission),
             "phase": format!("{:?}", PhaseName(&optics.phase)),
             "mean_cosine": optics.phase.moments(2)[1],
+            "fields": fields(medium.as_ref()),
         },
         "environment": environment.as_ref().map(environment_values),
         "background": background.as_ref().map(background_values),
@@ -127,6 +128,35 @@ fn animation(animation: &Animation) -> Value {
         .collect();
     let seconds = (f64::from(last - first) + 1.0) / animation.fps;
     json!({ "frames": [first, last], "fps": animation.fps, "seconds": seconds, "track": track })
+}
+
+/// The largest values, in each channel, of what scatters and shines otherwise than the density does; null where nothing does.
+fn fields(medium: &dyn Medium) -> Value {
+    let dims = medium.lattice().dims();
+    let largest = |field: Option<OpticsField<'_>>, values: usize| {
+        let field = field?;
+        let mut most = [0.0f32; 4];
+        if !walkable(dims) {
+            return Some(Value::Null);
+        }
+        let mut slice = vec![0.0f32; dims.x as usize * dims.y as usize * values];
+        for k in 0..dims.z {
+            field.slice(k, &mut slice);
+            for voxel in slice.chunks_exact(values) {
+                most.iter_mut().zip(voxel).for_each(|(most, v)| *most = most.max(*v));
+            }
+        }
+        let channels = most[..values.min(3)].iter().map(|v| number(f64::from(*v)));
+        Some(json!(channels.collect::<Vec<_>>()))
+    };
+    let OpticsFields { scattering, emission, emission_color } = medium.optics_fields();
+    let mut map = Map::new();
+    for (name, field, values) in
+        [("scattering", scattering, 4), ("emission", emission, 1), ("emission_color", emission_color, 4)]
+    {
+        map.extend(largest(field, values).map(|most| (name.to_owned(), most)));
+    }
+    if map.is_empty() { Value::Null } else { Value::Object(map) }
 }
 
 /// A phase function without the entries of its table.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
-use airlight::light::{Environment, Light};
+use airlight::light::{BlackBody, Environment, Light};
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
 use airlight::scene::{
@@ -45,6 +45,8 @@ pub(crate) fn cases() -> Vec<Case> {
             rotated,
         ),
         Case::new("closed::emission", "A box that glows and absorbs shows the integral of both.", emission),
+        Case::new("closed::absorption", format!("{through}, where one grid scatters and another absorbs."), absorption),
+        Case::new("closed::temperature", "A box of one heat glows in the colour of its black body.", temperature),
         Case::new(
             "closed::white_sky_behind_a_black_medium",
             "A visible environment shines through a black box as its transmittance lets it.",
@@ -67,6 +69,16 @@ pub(crate) fn cases() -> Vec<Case> {
         ),
     ];
     cases = cases.into_iter().map(|case| case.within(&tolerance::CLOSED)).collect();
+    cases.push(
+        Case::new(
+            "closed::albedo_shares",
+            "A directional light scattered once in a box that one grid makes scatter and another absorb, with shares of \
+             the albedo in each channel, is the closed form's with the product of all.",
+            shares,
+        )
+        .within(&tolerance::LIT_BOX)
+        .permutes(&shadows()),
+    );
     for (name, phase) in phases() {
         let optics = chromatic(phase.clone());
         let checks = format!("A directional light scattered once in a box is the closed form's ({name}).");
@@ -151,13 +163,62 @@ fn beer_lambert(subject: &Subject, record: &mut Record, mut scene: Scene, turn: 
 /// A lattice of constant samples: clamped lookups make it homogeneous to its walls.
 fn rotated(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.3, -0.8, 0.5).normalize(), 0.7));
-    let dims = UVec3::new(7, 5, 9);
-    let edges = (BOX.max - BOX.min) / dims.as_dvec3();
-    let map = DAffine3::from_mat3_translation(turn * DMat3::from_diagonal(edges), turn * (BOX.min + 0.5 * edges));
-    let grid = Grid::dense(dims, map, vec![DENSITY; dims.element_product() as usize])?;
     let mut scene = fog(chromatic(Phase::Isotropic));
-    scene.medium = Arc::new(GridMedium::new(Arc::new(grid), None)?);
+    scene.medium = Arc::new(GridMedium::new(constant(DENSITY, turn)?, None)?);
     beer_lambert(subject, record, scene, turn)
+}
+
+/// Samples along each side of [`constant`].
+const SAMPLES: UVec3 = UVec3::new(7, 5, 9);
+
+/// The box as a lattice of one value, turned about the origin.
+fn constant(value: f32, turn: DMat3) -> Result<Arc<Grid>, Failed> {
+    let edges = (BOX.max - BOX.min) / SAMPLES.as_dvec3();
+    let map = DAffine3::from_mat3_translation(turn * DMat3::from_diagonal(edges), turn * (BOX.min + 0.5 * edges));
+    Ok(Arc::new(Grid::dense(SAMPLES, map, vec![value; SAMPLES.element_product() as usize])?))
+}
+
+/// The share of the density that scatters in [`divided`].
+const SCATTERS: f32 = 0.75;
+
+/// The box as a lattice whose density scatters in part and absorbs in part.
+fn divided() -> Result<GridMedium, Failed> {
+    let part = |share: f32| constant(DENSITY * share, DMat3::IDENTITY);
+    Ok(GridMedium::new(part(SCATTERS)?, None)?.with_absorption(part(1.0 - SCATTERS)?)?)
+}
+
+fn absorption(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.medium = Arc::new(divided()?);
+    beer_lambert(subject, record, scene, DMat3::IDENTITY)
+}
+
+/// What absorbs alone does not shine.
+fn temperature(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let (kelvin, reference) = (2100.0, 1800.0);
+    let mut scene = fog(chromatic(Phase::Isotropic));
+    scene.medium = Arc::new(divided()?.with_temperature(constant(2.1, DMat3::IDENTITY)?, 1000.0, reference)?);
+    scene.optics.albedo = Vec3::ZERO;
+    scene.optics.emission = Vec3::new(2.0, 0.9, 0.3);
+    let film = subject.renderer()?.render(&scene)?.film;
+    let color = BlackBody::new(reference).color(kelvin);
+    let glow = |c: usize, way| {
+        let emission = f64::from(scene.optics.emission[c] * DENSITY * SCATTERS) * color[c];
+        emission_absorption(emission, extinction(&scene, c), way)
+    };
+    let expected = ways(&scene, DMat3::IDENTITY).into_iter().map(|(_, _, way)| [0, 1, 2].map(|c| glow(c, way)));
+    record.film("emission", &film, expected);
+    Ok(())
+}
+
+fn shares(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let shares = [0.9f32, 0.5, 0.7];
+    let mut scene = fog(chromatic(Phase::HenyeyGreenstein { g: 0.4 }));
+    let [red, green, blue] = shares.map(|share| constant(share, DMat3::IDENTITY));
+    scene.medium = Arc::new(divided()?.with_albedo([red?, green?, blue?])?);
+    // As fine as in a homogeneous box.
+    scene.quality.step = (BOX.max - BOX.min).min_element() / 64.0 / scene.medium.voxel();
+    lit_once(subject, record, scene, shares.map(|share| share * SCATTERS))
 }
 
 fn emission(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
@@ -227,7 +288,11 @@ fn background(subject: &Subject, record: &mut Record, colored: bool, deep: bool)
 }
 
 fn directional(subject: &Subject, record: &mut Record, optics: &Optics) -> Result<(), Failed> {
-    let mut scene = fog(optics.clone());
+    lit_once(subject, record, fog(optics.clone()), [1.0; 3])
+}
+
+/// A box in a directional light, of whose density `shares` scatter in each channel.
+fn lit_once(subject: &Subject, record: &mut Record, mut scene: Scene, shares: [f32; 3]) -> Result<(), Failed> {
     let to_light = DVec3::new(0.5, 0.8, -0.35).normalize();
     let irradiance = [3.0f32, 2.6, 2.0];
     scene.lights = vec![Light::directional(to_light, Vec3::from(irradiance))?];
@@ -236,7 +301,7 @@ fn directional(subject: &Subject, record: &mut Record, optics: &Optics) -> Resul
         [0, 1, 2].map(|c| {
             let extinction = extinction(&scene, c);
             let lit = LitBox {
-                scattering: extinction * f64::from(scene.optics.albedo[c]),
+                scattering: extinction * f64::from(scene.optics.albedo[c] * shares[c]),
                 extinction,
                 to_light,
                 irradiance: irradiance[c].into(),

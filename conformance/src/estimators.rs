@@ -1,5 +1,7 @@
 //! Estimators: options that must not change the picture, and those that must bring it nearer to brute force.
 
+use std::sync::Arc;
+
 use airlight::basis::{Basis, SphericalHarmonics};
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::Light;
@@ -12,7 +14,7 @@ use airlight::scene::{
 use libtest_mimic::Failed;
 
 use crate::compare::compare;
-use crate::fixtures::{Map, chromatic, cloud, grey, sky};
+use crate::fixtures::{Map, chromatic, cloud, grey, sky, varied};
 use crate::{Axis, Case, Record, Subject, check, rgb, tolerance};
 
 /// A cloud large enough to have empty cells, small enough for brute force.
@@ -69,6 +71,20 @@ pub(crate) fn cases() -> Vec<Case> {
         .within(&tolerance::BRUTE_HALF_VOXEL)
         .permutes(&contents()),
         Case::new(
+            "estimators::varying_albedo_in_lights",
+            "Lights on a cloud whose albedo and absorption vary from voxel to voxel are brute force's.",
+            varying_lights,
+        )
+        .within(&tolerance::BRUTE_DIRECT),
+        Case::new(
+            "estimators::varying_optics_in_records",
+            "A sky on a cloud whose albedo, absorption and heat vary from voxel to voxel, and the cloud's own light, seen \
+             and scattered once, are brute force's.",
+            varying_records,
+        )
+        .within(&tolerance::BRUTE_HALF_VOXEL)
+        .permutes(&forms()),
+        Case::new(
             "estimators::contents_agree",
             "In a sky of one band and an isotropic medium all contents of records are one.",
             contents_agree,
@@ -117,6 +133,11 @@ fn contents() -> Axis<(Content, Phase)> {
             ("phase", (Content::Phase, hg)),
         ],
     )
+}
+
+/// Contents of records of a coloured emission.
+fn forms() -> Axis<Content> {
+    Axis::new("content", [("radiance", Content::Radiance), ("phase", Content::Phase)])
 }
 
 /// Contents and bands that make one picture in a sky of one band.
@@ -282,6 +303,36 @@ fn emission(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         let scene = with(scene, options(HALF_VOXEL, 4, 192, *content));
         let truth = BruteForce::new(&scene, &SETTINGS);
         let film = subject.renderer()?.render(&scene)?.film;
+        let Sparse { found, expected } = against(&truth, &film);
+        record.hold("radiance", found, expected);
+        Ok(())
+    })
+}
+
+fn varying_lights(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = three_lights()?;
+    scene.medium = Arc::new(varied(Map::Sheared, DIMS));
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    let film = subject.renderer()?.render(&scene)?.film;
+    let truth = BruteForce::new(&scene, &SETTINGS);
+    let Sparse { found, expected } = against(&truth, &film);
+    record.hold("three lights", found, expected);
+    Ok(())
+}
+
+/// Under a sky of few bands, which records of the phase function hold whole.
+fn varying_records(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = cloud(Map::Rotated, DIMS, chromatic(Phase::HenyeyGreenstein { g: 0.3 }));
+    scene.medium = Arc::new(varied(Map::Rotated, DIMS));
+    let mut sky = airlight::light::Environment::uniform(Vec3::new(0.5, 1.0, 2.0))?;
+    sky.visible = false;
+    scene.environment = Some(sky);
+    scene.optics.emission = Vec3::new(0.5, 0.8, 2.0);
+    scene.quality.step = 0.25;
+    let truth = BruteForce::new(&scene, &SETTINGS);
+    let mut renderer = subject.renderer()?;
+    record.each(&forms(), |record, &content| {
+        let film = renderer.render(&with(scene.clone(), options(HALF_VOXEL, 4, 192, content)))?.film;
         let Sparse { found, expected } = against(&truth, &film);
         record.hold("radiance", found, expected);
         Ok(())

@@ -129,6 +129,23 @@ pub(crate) fn sky() -> Environment {
     sky
 }
 
+/// The medium of [`cloud`], in which albedo, absorption and what shines vary from voxel to voxel.
+pub(crate) fn varied(map: Map, dims: UVec3) -> GridMedium {
+    let to_world = map.lattice(dims).index_to_world();
+    let n = dims.element_product() as usize;
+    let grid = |values: Vec<f32>| Arc::new(Grid::dense(dims, to_world, values).expect("as many values as voxels"));
+    let rough = |seed: u64, value: fn(f32) -> f32| grid(noise(seed, n).into_iter().map(value).collect());
+    // It absorbs where nothing scatters too, and shines where nothing does either.
+    let absorption = rough(11, |v| (v - 0.6).max(0.0));
+    let shining = rough(12, |v| (v - 0.7).max(0.0));
+    let albedo = [13, 14, 15].map(|seed| rough(seed, |v| 0.2 + 0.8 * v));
+    GridMedium::new(grid(density(dims, 5)), Some(shining))
+        .and_then(|medium| medium.with_absorption(absorption))
+        .and_then(|medium| medium.with_albedo(albedo))
+        .and_then(|medium| medium.with_temperature(rough(16, |v| 1.2 + 0.8 * v), 1000.0, 1500.0))
+        .expect("values in range")
+}
+
 /// A cloud of `dims` rough voxels, not lit.
 pub(crate) fn cloud(map: Map, dims: UVec3, optics: Optics) -> Scene {
     let lattice = map.lattice(dims);

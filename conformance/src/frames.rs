@@ -13,7 +13,7 @@ use airlight::scene::{
 };
 use libtest_mimic::Failed;
 
-use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, sky};
+use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, sky, varied};
 use crate::limits::sizes;
 use crate::{Axis, Case, Record, Subject, rgb, tolerance};
 
@@ -164,6 +164,9 @@ fn scenes() -> Axis<Scene> {
         (sky.visible, sky.rotation, sky.scale) = (true, 35.0, Vec3::new(0.1, 0.08, 0.13));
     }
     scenes.push(("a sky that is seen", seen));
+    let mut varying = with_lights(lit(glowing(chromatic(hg())), records(radiance, 2)));
+    varying.medium = Arc::new(varied(Map::Rotated, DIMS));
+    scenes.push(("albedo, absorption and heat that vary", varying));
     let mut unshadowed = with_lights(lit(grey(Phase::Rayleigh), records(radiance, 1)));
     (unshadowed.environment, unshadowed.estimate.environment) = (None, None);
     unshadowed.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None }));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
-use airlight::media::Phase;
+use airlight::media::{Grid, GridMedium, Medium, Phase};
 use airlight::scene::{Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow};
 use libtest_mimic::Failed;
 
@@ -35,6 +35,21 @@ pub(crate) fn cases() -> Vec<Case> {
         "opacity_published",
         unlit,
         lights(&["propagate", "march"], &["reduce", "propagate", "reduce", "march"]),
+    ));
+    let mut glowing = scene(Content::Radiance);
+    glowing.optics.emission = Vec3::ONE;
+    let base = base();
+    glowing.medium = Arc::new(base.clone());
+    let colored: &[_] = &["project", "relight", "march"];
+    let all: &[_] = &["reduce", "project", "relight", "reduce", "march"];
+    cases.push(case("optics_that_vary", glowing.clone(), fields(&base, colored, all)).at("content", "radiance"));
+    (glowing.environment, glowing.estimate.environment) = (None, None);
+    glowing.lights = vec![sun()];
+    glowing.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, ..Opacity::default() }));
+    cases.push(case(
+        "optics_that_vary_in_lights",
+        glowing,
+        fields(&base, &["march"], &["propagate", "reduce", "march"]),
     ));
     cases.push(case("optics_and_picture", scene(Content::Transmittance), optics()).at("content", "transmittance"));
     cases
@@ -184,6 +199,47 @@ fn lights(moved: &'static [&'static str], medium: &'static [&'static str]) -> Ax
         ),
         change("the eye's place", |s| s.camera.origin += DVec3::new(0.1, 0.2, -0.1), &["march"]),
         change("the medium", |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium, medium),
+    ])
+}
+
+/// The medium of [`scene`], for grids to be added.
+fn base() -> GridMedium {
+    GridMedium::new(constant(0.5), None).expect("a density")
+}
+
+fn constant(value: f32) -> Arc<Grid> {
+    let map = Map::Plain.lattice(DIMS).index_to_world();
+    let values = vec![value; DIMS.element_product() as usize];
+    Arc::new(Grid::dense(DIMS, map, values).expect("as many values as voxels"))
+}
+
+/// Changes of the fields of a medium's optics, with what another heat and another absorption cost.
+fn fields(base: &GridMedium, heat: &'static [&'static str], absorption: &'static [&'static str]) -> Axis<Change> {
+    let shared = |medium: &GridMedium, share: f32| {
+        let grid = constant(share);
+        medium.clone().with_albedo([grid.clone(), grid.clone(), grid]).expect("shares")
+    };
+    let hot = |medium: &GridMedium, kelvin: f32| {
+        medium.clone().with_temperature(constant(kelvin), 1.0, 1500.0).expect("a temperature")
+    };
+    let half = shared(base, 0.5);
+    let most = shared(&half, 0.9);
+    let warm = hot(&most, 1500.0);
+    let white = hot(&warm, 6000.0);
+    let colder = shared(&white, 0.3);
+    let black = colder.clone().with_absorption(constant(0.2)).expect("an absorption");
+    let to = |what, medium: GridMedium, ran| {
+        let medium: Arc<dyn Medium> = Arc::new(medium);
+        change(what, move |s| s.medium = Arc::clone(&medium), ran)
+    };
+    changes([
+        change("nothing", |_| (), &[]),
+        to("an albedo that varies", half, &["march"]),
+        to("another", most, &["march"]),
+        to("a temperature", warm, heat),
+        to("another temperature", white, heat),
+        to("one more albedo", colder, &["march"]),
+        to("an absorption", black, absorption),
     ])
 }
 

@@ -218,7 +218,9 @@ impl Layered {
     fn expected(&self) -> Vec<f64> {
         let inputs = MarchInputs {
             density: &self.density,
+            scattering: None,
             emission: None,
+            emission_color: None,
             in_scatter: Some(&self.values),
             light_depth: None,
             lights: &[],
@@ -244,7 +246,9 @@ impl Layered {
         Ok(Stage::March(March {
             params: self.params,
             density: bench.scalars([8, 6, 10], &self.density)?,
+            scattering: None,
             emission: None,
+            emission_color: None,
             in_scatter: Some(field),
             light_depth: None,
             occupancy: None,

@@ -49,6 +49,7 @@ const CPU: Backend = Backend {
         ("field", "place", "the place of a lookup serves all layers"),
         ("field", "layer", "the place of a lookup serves all layers"),
         ("field", "mix", "colors are no packets; elsewhere an operator"),
+        ("field", "packet", LANES),
     ],
     lacks: &[
         ("phase", "phase_value", SLICE),

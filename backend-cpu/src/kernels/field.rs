@@ -1,6 +1,6 @@
 //! Lookups of fields.
 
-use crate::packet::{F, I, LANES, lanes, lerp, triple};
+use crate::packet::{F, I, LANES, M, lanes, lerp, triple};
 
 /// Texels of four values in layers, which are fastest; looked up one point at a time.
 #[derive(Clone, Copy)]
@@ -48,6 +48,19 @@ impl<'a> Colors<'a> {
         let lo = triple!(a => q[a] as usize);
         let hi = triple!(a => (lo[a] + 1).min(self.dims[a] - 1));
         self.place(lo, hi, triple!(a => q[a] - lo[a] as f32))
+    }
+
+    /// RGB of the first layer around each lane's point; zero in lanes that are not active.
+    #[inline(always)]
+    pub(crate) fn packet(&self, p: [F; 3], active: M) -> [F; 3] {
+        let mut found = [F::ZERO; 3];
+        for i in 0..LANES {
+            if active.lane(i) {
+                let texel = self.sample(triple!(a => p[a].0[i])).layer(0);
+                (0..3).for_each(|c| found[c].0[i] = texel[c]);
+            }
+        }
+        found
     }
 
     #[inline(always)]

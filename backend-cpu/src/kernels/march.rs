@@ -25,7 +25,9 @@ const SIDE: usize = 4;
 struct Inputs<'a> {
     p: &'a MarchParams,
     density: Scalars<'a>,
+    scattering: Option<Colors<'a>>,
     emission: Option<Scalars<'a>>,
+    emission_color: Option<Colors<'a>>,
     occupancy: Option<Occupancy<'a>>,
     in_scatter: Option<Colors<'a>>,
     light_depth: Option<Colors<'a>>,
@@ -52,13 +54,20 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
     let p = &stage.params;
     let density = Scalars::new(read.field(stage.density)?, p.dims);
     let tables = read.buf(stage.tables)?;
+    let [x, y, z, _] = p.dims;
+    let colors = |field| match field {
+        Some(field) => Ok(Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1]))),
+        None => Ok::<_, DeviceError>(None),
+    };
     let inputs = Inputs {
         p,
         density,
+        scattering: colors(stage.scattering)?,
         emission: match stage.emission {
             Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
             None => None,
         },
+        emission_color: colors(stage.emission_color)?,
         occupancy: match stage.occupancy {
             Some(buf) => Some(Occupancy::new(read.buf(buf)?, p.occupancy_cells)),
             None => None,
@@ -305,14 +314,14 @@ impl Path {
             }
             let at = self.ray.along(t);
             let optics = optics(inputs, at, active);
-            let dense = optics.extinction[0].max(optics.extinction[1]).max(optics.extinction[2]).gt(F::ZERO);
+            let dense = optics.scattering[0].max(optics.scattering[1]).max(optics.scattering[2]).gt(F::ZERO);
             let mut light = [F::ZERO; 3];
             if scatters && dense.any() {
                 gathered(inputs, at, &self.basis, dense, &mut light);
                 direct(inputs, at, self.direction, t, dense, &mut light);
             }
             let delta = self.ray.step;
-            let Optics { extinction, albedo, emission } = optics;
+            let Optics { extinction, scattering, emission } = optics;
             let first = segment(extinction[0] * delta);
             let (second, third) = if inputs.grey {
                 (first, first)
@@ -321,7 +330,7 @@ impl Path {
             };
             let pieces = [first, second, third];
             let reach = triple!(c => self.transmittance[c] * delta * pieces[c].1);
-            let sent = triple!(c => extinction[c] * albedo[c] * light[c] + emission[c]);
+            let sent = triple!(c => scattering[c] * light[c] + emission[c]);
             let share = extinction[0] * reach[0] + extinction[1] * reach[1] + extinction[2] * reach[2];
             self.radiance = triple!(c => self.radiance[c] + reach[c] * sent[c]);
             self.transmittance = triple!(c => self.transmittance[c] * pieces[c].0);
@@ -414,7 +423,8 @@ fn light_depths(inputs: &Inputs<'_>, at: [F; 3], dense: M, layer: usize) -> [F; 
 struct Optics {
     /// σt, 1/m.
     extinction: [F; 3],
-    albedo: [f32; 3],
+    /// σs, 1/m.
+    scattering: [F; 3],
     /// j, W m⁻³ sr⁻¹.
     emission: [F; 3],
 }
@@ -424,14 +434,20 @@ struct Optics {
 fn optics(inputs: &Inputs<'_>, at: [F; 3], active: M) -> Optics {
     let p = inputs.p;
     let density = active.select(inputs.density.sample(at), F::ZERO);
-    let mut source = density;
-    if let Some(emission) = inputs.emission {
-        source = active.select(emission.sample(at), F::ZERO);
+    let mut scatters = [density; 3];
+    if let Some(scattering) = inputs.scattering {
+        scatters = scattering.packet(at, active);
+    }
+    let mut source = [density; 3];
+    if let Some(color) = inputs.emission_color {
+        source = color.packet(at, active);
+    } else if let Some(emission) = inputs.emission {
+        source = [active.select(emission.sample(at), F::ZERO); 3];
     }
     Optics {
         extinction: triple!(c => density * p.extinction[c]),
-        albedo: triple!(c => p.albedo[c]),
-        emission: triple!(c => source * p.emission[c]),
+        scattering: triple!(c => scatters[c] * p.extinction[c] * p.albedo[c]),
+        emission: triple!(c => source[c] * p.emission[c]),
     }
 }
 

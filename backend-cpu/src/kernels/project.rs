@@ -6,7 +6,7 @@ use airlight_core::device::DeviceError;
 use airlight_core::stage::{Project, ProjectParams};
 use rayon::prelude::*;
 
-use super::field::Scalars;
+use super::field::{Colors, Scalars};
 use super::phase::{Phase, phase};
 use super::sample::Ray;
 use super::segment::segment;
@@ -22,6 +22,7 @@ struct Inputs<'a> {
     p: &'a ProjectParams,
     density: Scalars<'a>,
     emission: Scalars<'a>,
+    emission_color: Option<Colors<'a>>,
     directions: &'a [[f32; 4]],
     weights: &'a [f32],
     emission_weights: &'a [f32],
@@ -42,6 +43,13 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
         emission: match stage.emission {
             Some(field) => Scalars::new(read.field(field)?, p.dims),
             None => density,
+        },
+        emission_color: match stage.emission_color {
+            Some(field) => {
+                let [x, y, z, _] = p.dims;
+                Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1]))
+            }
+            None => None,
         },
         directions: &read.buf(stage.directions)?[..p.direction_end as usize],
         weights: read.buf(stage.weights)?,
@@ -208,10 +216,13 @@ fn emission_along(inputs: &Inputs<'_>, ray: &Ray, glow: &mut [F; 3]) -> [F; 3] {
         let active = F::splat(k).lt(ray.steps);
         let at = ray.along(ray.middle(k));
         let density = active.select(inputs.density.sample(at), F::ZERO);
-        let source = active.select(inputs.emission.sample(at), F::ZERO);
+        let source = match inputs.emission_color {
+            Some(color) => color.packet(at, active),
+            None => [active.select(inputs.emission.sample(at), F::ZERO); 3],
+        };
         for c in 0..3 {
             let (e, mean) = segment(density * ray.step * sigma[c]);
-            glow[c] = glow[c] + transmittance[c] * ray.step * mean * (source * p.emission[c]);
+            glow[c] = glow[c] + transmittance[c] * ray.step * mean * (source[c] * p.emission[c]);
             transmittance[c] = transmittance[c] * e;
         }
         k += 1.0;

@@ -25,8 +25,12 @@ pub(super) struct Set {
     pub(super) map: Map,
     pub(super) camera: Camera,
     pub(super) optics: Optics,
+    /// What scatters follows a field of its own.
+    pub(super) own_scattering: bool,
     /// Emission by a field of its own.
     pub(super) own_emission: bool,
+    /// The same with colours.
+    pub(super) colored_emission: bool,
     pub(super) in_scatter: Option<InScatter>,
     pub(super) lights: Vec<Light>,
     pub(super) shadow: u32,
@@ -59,7 +63,9 @@ pub(super) fn plain(name: &str) -> Set {
         map: Map::Plain,
         camera: camera(21, 13, 1),
         optics: Optics { albedo: Vec3::ZERO, ..grey(Phase::Isotropic) },
+        own_scattering: false,
         own_emission: false,
+        colored_emission: false,
         in_scatter: None,
         lights: Vec::new(),
         shadow: shadow_kind::NONE,
@@ -74,7 +80,9 @@ pub(super) fn plain(name: &str) -> Set {
 struct Host {
     params: MarchParams,
     density: Vec<f32>,
+    scattering: Vec<[f32; 4]>,
     emission: Vec<f32>,
+    emission_color: Vec<[f32; 4]>,
     in_scatter: Vec<[f32; 4]>,
     light_depth: Vec<[f32; 4]>,
     lights: Vec<LightRecord>,
@@ -162,12 +170,20 @@ fn host(set: &Set) -> Host {
     let far = |i: usize| [0.4, 2.1, 2.4, 2.7, 9.0, f32::INFINITY][i % 6];
     let surface = noise(42, 3 * pixels).chunks_exact(3).enumerate().map(|(i, c)| [c[0], c[1], c[2], far(i)]).collect();
     let density = density(set.dims, 43);
-    let emission = noise(44, density.len()).iter().map(|v| (v - 0.5).max(0.0)).collect();
+    let emission: Vec<f32> = noise(44, density.len()).iter().map(|v| (v - 0.5).max(0.0)).collect();
+    // A share of the density in each channel, and what must not be read.
+    let colors = |seed: u64, of: &[f32]| -> Vec<[f32; 4]> {
+        let shares = noise(seed, 3 * of.len());
+        of.iter().zip(shares.chunks_exact(3)).map(|(v, s)| [v * s[0], v * s[1], v * s[2], 7.0]).collect()
+    };
+    let (scattering, emission_color) = (colors(46, &density), colors(47, &emission));
     let lights = set.lights.iter().map(|light| record(light, camera.origin)).collect();
     Host {
         params: p,
         density,
-        emission: if set.own_emission { emission } else { Vec::new() },
+        scattering: if set.own_scattering { scattering } else { Vec::new() },
+        emission: if set.own_emission || set.colored_emission { emission } else { Vec::new() },
+        emission_color: if set.colored_emission { emission_color } else { Vec::new() },
         in_scatter,
         light_depth,
         lights,
@@ -196,7 +212,9 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
     let march = March {
         params: host.params,
         density: bench.scalars(dims, &host.density)?,
+        scattering: some(&host.scattering, |v| bench.colors(dims, 1, v))?,
         emission: some(&host.emission, |v| bench.scalars(dims, v))?,
+        emission_color: some(&host.emission_color, |v| bench.colors(dims, 1, v))?,
         in_scatter: some(&host.in_scatter, |v| bench.colors(CELLS, host.params.cells[3], v))?,
         light_depth: some(&host.light_depth, |v| bench.colors(LIGHT_CELLS, host.params.light_cells[3], v))?,
         occupancy: None,
@@ -226,7 +244,9 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
 
     let inputs = MarchInputs {
         density: &host.density,
+        scattering: (!host.scattering.is_empty()).then_some(&host.scattering[..]),
         emission: (!host.emission.is_empty()).then_some(&host.emission[..]),
+        emission_color: (!host.emission_color.is_empty()).then_some(&host.emission_color[..]),
         in_scatter: (!host.in_scatter.is_empty()).then_some(&host.in_scatter[..]),
         light_depth: (!host.light_depth.is_empty()).then_some(&host.light_depth[..]),
         lights: &host.lights,

@@ -12,7 +12,7 @@ use crate::fixtures::{Map, camera, chromatic, grey, phases};
 use crate::{Case, Record, Subject, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    let sets = [transmittance(), emission(), in_scatter(), lights(), background(), views()];
+    let sets = [transmittance(), emission(), varying(), in_scatter(), lights(), background(), views()];
     let made = |set: Set| {
         let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
         let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
@@ -64,6 +64,42 @@ fn emission() -> Vec<Set> {
             own_emission: true,
             map: Map::Sheared,
             ..plain("emission_without_extinction")
+        },
+    ]
+}
+
+/// Albedo and the colour of emission vary in space.
+fn varying() -> Vec<Set> {
+    let hg = || Phase::HenyeyGreenstein { g: 0.4 };
+    let records = Some(InScatter { bands: 2, trilinear: true });
+    let shares = |name: &str, optics: Optics| Set { optics, own_scattering: true, ..plain(name) };
+    let colors = |name: &str, optics: Optics| Set {
+        optics: Optics { emission: Vec3::new(1.2, 0.4, 0.9), ..optics },
+        colored_emission: true,
+        ..plain(name)
+    };
+    vec![
+        Set { in_scatter: records, ..shares("scattering_of_records", chromatic(hg())) },
+        Set {
+            map: Map::Sheared,
+            lights: vec![sun(), lamp()],
+            shadow: shadow_kind::MARCH,
+            ..shares("scattering_of_lights", grey(hg()))
+        },
+        colors("emission_color", chromatic(Phase::Isotropic)),
+        Set {
+            optics: Optics { extinction: Vec3::ZERO, emission: Vec3::ONE, ..grey(Phase::Isotropic) },
+            map: Map::Mirrored,
+            ..colors("emission_color_without_extinction", grey(Phase::Isotropic))
+        },
+        Set {
+            own_scattering: true,
+            map: Map::Rotated,
+            in_scatter: records,
+            lights: vec![spot()],
+            shadow: shadow_kind::MARCH,
+            surface: true,
+            ..colors("scattering_and_emission_color", chromatic(hg()))
         },
     ]
 }

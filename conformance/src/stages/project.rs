@@ -36,6 +36,7 @@ enum Emission {
     None,
     Density,
     Own,
+    Colored,
 }
 
 fn plain(name: &str) -> Set {
@@ -67,6 +68,8 @@ pub(crate) fn cases() -> Vec<Case> {
         Set { emission: Emission::Density, ..plain("emission") },
         Set { emission: Emission::Own, chromatic: true, colored_weights: true, ..plain("emission_of_its_own") },
         Set { emission: Emission::Own, eliminated: true, coefficients: 4, ..plain("emission_and_empty_cells") },
+        Set { emission: Emission::Colored, chromatic: true, map: Map::Sheared, ..plain("emission_color") },
+        Set { emission: Emission::Colored, coefficients: 1, step: 0.037, ..plain("emission_color_of_one_coefficient") },
     ];
     sets.extend(Map::ALL.map(|map| Set { map, chromatic: true, ..plain(&format!("{map:?}").to_lowercase()) }));
     for (name, phase) in phases() {
@@ -115,6 +118,10 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let rho = density(DIMS, 31);
     let glow: Vec<f32> = noise(32, rho.len()).iter().map(|v| (v - 0.4).max(0.0)).collect();
     let own = (set.emission == Emission::Own).then_some(&glow[..]);
+    let tints = noise(35, 3 * rho.len());
+    let colors: Vec<[f32; 4]> =
+        glow.iter().zip(tints.chunks_exact(3)).map(|(v, s)| [v * s[0], v * s[1], v * s[2], 7.0]).collect();
+    let colors = (set.emission == Emission::Colored).then_some(&colors[..]);
     let directions: Vec<[f32; 4]> =
         healpix::directions(set.nside).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
     let signed = |seed: u64, n: u32| -> Vec<f32> { noise(seed, n as usize).iter().map(|v| v - 0.25).collect() };
@@ -129,6 +136,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         params,
         density: bench.scalars(DIMS.to_array(), &rho)?,
         emission: own.map(|glow| bench.scalars(DIMS.to_array(), glow)).transpose()?,
+        emission_color: colors.map(|colors| bench.colors(DIMS.to_array(), 1, colors)).transpose()?,
         occupancy: set.eliminated.then(|| bench.buf(&occupancy)).transpose()?,
         directions: bench.buf(&directions)?,
         weights: bench.buf(&weights)?,
@@ -143,6 +151,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let inputs = ProjectInputs {
         density: &rho,
         emission: own,
+        emission_color: colors,
         occupancy: set.eliminated.then_some(&occupancy[..]),
         directions: &directions,
         weights: &weights,

@@ -184,6 +184,7 @@ impl Toy {
                 let inputs = ProjectInputs {
                     density: self.field(s.density),
                     emission: s.emission.map(|f| self.field(f)),
+                    emission_color: s.emission_color.map(|f| self.field(f)),
                     occupancy: s.occupancy.map(|b| self.buffer(b)),
                     directions: self.buffer(s.directions),
                     weights: self.buffer(s.weights),
@@ -224,7 +225,9 @@ impl Toy {
                 let lights = s.lights.map(|b| self.records(b)).unwrap_or_default();
                 let inputs = MarchInputs {
                     density: self.field(s.density),
+                    scattering: s.scattering.map(|f| self.field(f)),
                     emission: s.emission.map(|f| self.field(f)),
+                    emission_color: s.emission_color.map(|f| self.field(f)),
                     in_scatter: s.in_scatter.map(|f| self.field(f)),
                     light_depth: s.light_depth.map(|f| self.field(f)),
                     lights: &lights[..s.params.lights as usize],

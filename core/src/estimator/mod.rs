@@ -18,9 +18,11 @@ use crate::stage::{GridParams, LightRecord};
 pub struct MediumFields {
     /// Density ρ.
     pub density: Field,
+    /// The density that scatters, ρs, of each channel, where it is not ρ.
+    pub scattering: Option<Field>,
     /// Emission.
     pub emission: EmissionSource,
-    /// The lattice of both.
+    /// The lattice of all.
     pub grid: GridParams,
     /// The longest step of a march, metres.
     pub step: f32,
@@ -31,22 +33,40 @@ pub struct MediumFields {
 pub enum EmissionSource {
     /// It does not.
     Off,
-    /// It does, in proportion to a field of its own, or to the density.
-    On(Option<Field>),
+    /// It does, in proportion to the density, unless it has fields of its own.
+    On {
+        /// Where it shines, ρe, where that is not ρ.
+        density: Option<Field>,
+        /// The same with a colour, RGB; unused. It is what kernels sample then, and zero wherever ρe is.
+        color: Option<Field>,
+    },
 }
 
 impl EmissionSource {
-    /// The field of its own.
-    pub fn field(self) -> Option<Field> {
+    /// Where it shines besides the density, so that nothing that shines is stepped over.
+    pub fn reach(self) -> Option<Field> {
         match self {
-            Self::On(field) => field,
+            Self::On { density, .. } => density,
+            Self::Off => None,
+        }
+    }
+
+    /// ρe, where kernels sample it.
+    pub fn density(self) -> Option<Field> {
+        self.reach().filter(|_| self.color().is_none())
+    }
+
+    /// ρe with its colour, where kernels sample that.
+    pub fn color(self) -> Option<Field> {
+        match self {
+            Self::On { color, .. } => color,
             Self::Off => None,
         }
     }
 
     /// Whether the medium emits.
     pub fn is_on(self) -> bool {
-        matches!(self, Self::On(_))
+        matches!(self, Self::On { .. })
     }
 }
 

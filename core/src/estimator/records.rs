@@ -231,7 +231,8 @@ impl<'a> Setup<'a> {
         let project = Project {
             params,
             density: medium.density,
-            emission: medium.emission.field(),
+            emission: medium.emission.density(),
+            emission_color: medium.emission.color(),
             occupancy,
             directions: self.directions(plan),
             weights: self.weights(plan),

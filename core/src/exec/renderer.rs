@@ -10,6 +10,7 @@ use crate::Version;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
 use crate::light::Environment;
+use crate::media::{OpticsField, OpticsFields};
 use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
 
@@ -190,18 +191,26 @@ fn plan_frame<'a>(
 fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     let medium = &scene.medium;
     let lattice = medium.lattice();
-    let spec = FieldSpec { dims: lattice.dims().to_array(), layers: 1, format: FieldFormat::Scalar };
-    let version = medium.version();
+    let dims = lattice.dims().to_array();
     let density = plan_density(medium.as_ref(), plan);
-    let emission = match medium.emission_density() {
-        Some(field) if scene.optics.emits() => {
-            Some(plan.upload_field("emission density", spec, &version, move |k, out| field.slice(k, out)))
-        }
-        _ => None,
+    let OpticsFields { scattering, emission, emission_color } = medium.optics_fields();
+    let mut upload = |slot, format, field: Option<OpticsField<'a>>| {
+        let (field, spec) = (field?, FieldSpec { dims, layers: 1, format });
+        // What the medium needs to make a slice of it.
+        plan.host(spec.slice_bytes());
+        let version = field.version();
+        Some(plan.upload_field(slot, spec, &version, move |k, out| field.slice(k, out)))
     };
+    let (scatters, emits) = (scene.optics.albedo != glam::Vec3::ZERO, scene.optics.emits());
+    let scattering = upload("scattering", FieldFormat::Rgba, scattering.filter(|_| scatters));
+    let emission = emits.then(|| EmissionSource::On {
+        density: upload("emission density", FieldFormat::Scalar, emission),
+        color: upload("emission color", FieldFormat::Rgba, emission_color),
+    });
     MediumFields {
         density,
-        emission: if scene.optics.emits() { EmissionSource::On(emission) } else { EmissionSource::Off },
+        scattering,
+        emission: emission.unwrap_or(EmissionSource::Off),
         grid: GridParams::new(lattice),
         step: (scene.quality.step * medium.voxel()) as f32,
     }
@@ -256,7 +265,7 @@ fn plan_march<'a>(
     plan.stage(Stage::Reduce(Reduce {
         params: ReduceParams::new(grid.dims, [cells[0], cells[1], cells[2], 0], [side, side, side, 0.0]),
         density: medium.density,
-        other: medium.emission.field(),
+        other: medium.emission.reach(),
         out: occupancy,
     }));
 
@@ -300,7 +309,9 @@ fn plan_march<'a>(
     let mut march = March {
         params,
         density: medium.density,
-        emission: medium.emission.field(),
+        scattering: medium.scattering,
+        emission: medium.emission.density(),
+        emission_color: medium.emission.color(),
         in_scatter,
         light_depth,
         occupancy: Some(occupancy),

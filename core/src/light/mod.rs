@@ -1,8 +1,10 @@
 //! What lights a medium: the environment around it, and analytic lights.
 
 mod analytic;
+mod black_body;
 mod environment;
 mod projection;
 
 pub use analytic::{Light, LightError};
+pub use black_body::BlackBody;
 pub use environment::{Environment, EnvironmentError, Image, clamp_texels};

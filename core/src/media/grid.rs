@@ -1,10 +1,8 @@
-//! Grids, dense or as the bricks and tiles of a sparse tree, and the media made from them.
-
-use std::sync::Arc;
+//! Grids, dense or as the bricks and tiles of a sparse tree.
 
 use glam::{DAffine3, DVec3, IVec3, UVec3};
 
-use super::{EmissionDensity, Lattice, Medium, MediumError, in_range};
+use super::{Lattice, Medium, MediumError, in_range};
 use crate::Version;
 
 /// Voxels along each side of a [`Brick`].
@@ -136,7 +134,10 @@ impl Grid {
 
     /// Visits every stored value with the index of (the first voxel of) it: each voxel of dense grids and bricks,
     /// each tile, and the background last, at the first index. Values outside the bounds are left out.
-    fn check(&self, mut visit: impl FnMut(IVec3, f32) -> Result<(), MediumError>) -> Result<(), MediumError> {
+    pub(super) fn check(
+        &self,
+        mut visit: impl FnMut(IVec3, f32) -> Result<(), MediumError>,
+    ) -> Result<(), MediumError> {
         let IndexBox { min, dims } = self.bounds;
         let inside = |p: IVec3| (p - min).cmpge(IVec3::ZERO).all() && (p - min).as_uvec3().cmplt(dims).all();
         match &self.storage {
@@ -221,65 +222,6 @@ impl Grid {
                 }
             }
         }
-    }
-}
-
-/// A medium whose density is a [`Grid`], and whose emission may follow a second one.
-#[derive(Clone, Debug)]
-pub struct GridMedium {
-    lattice: Lattice,
-    window: IndexBox,
-    density: Arc<Grid>,
-    emission: Option<Arc<Grid>>,
-    version: Version,
-}
-
-impl GridMedium {
-    /// A medium of `density`, with emission proportional to `emission` where that is given. The box of the medium is
-    /// the union of the two grids' bounds.
-    ///
-    /// # Errors
-    /// A density that is negative, not finite or above [`LARGEST`](super::LARGEST); grids whose indices do not share one map to the world; a lattice
-    /// that [`Lattice::new`] refuses.
-    pub fn new(density: Arc<Grid>, emission: Option<Arc<Grid>>) -> Result<Self, MediumError> {
-        let mut window = density.bounds();
-        for grid in std::iter::once(&density).chain(&emission) {
-            if grid.index_to_world() != density.index_to_world() {
-                return Err(MediumError::Mismatch(
-                    "the grids of density and emission must share one transform from index to world".into(),
-                ));
-            }
-            window = window.union(grid.bounds());
-            grid.check(|p, value| {
-                if in_range(value) { Ok(()) } else { Err(MediumError::Density { value, x: p.x, y: p.y, z: p.z }) }
-            })?;
-        }
-        let to_window = DAffine3::from_translation(window.min.as_dvec3());
-        let lattice = Lattice::new(window.dims, density.index_to_world() * to_window)?;
-        Ok(Self { lattice, window, density, emission, version: Version::fresh() })
-    }
-
-    pub(super) fn emission_slice(&self, k: u32, out: &mut [f32]) {
-        let grid = self.emission.as_ref().unwrap_or(&self.density);
-        grid.write_slice(self.window, self.window.min.z + k as i32, out);
-    }
-}
-
-impl Medium for GridMedium {
-    fn lattice(&self) -> &Lattice {
-        &self.lattice
-    }
-
-    fn version(&self) -> Version {
-        self.version
-    }
-
-    fn density_slice(&self, k: u32, out: &mut [f32]) {
-        self.density.write_slice(self.window, self.window.min.z + k as i32, out);
-    }
-
-    fn emission_density(&self) -> Option<EmissionDensity<'_>> {
-        self.emission.as_ref().map(|_| EmissionDensity { grid: self })
     }
 }
 
@@ -368,16 +310,5 @@ mod tests {
         let beside = IndexBox { min: IVec3::new(1, -2, -2), ..bounds };
         grid.write_slice(beside, -1, &mut out);
         assert_eq!(out, [0.5; 9]);
-    }
-
-    #[test]
-    fn densities_are_judged_with_their_place() {
-        for bad in [f32::NAN, -1.0, f32::INFINITY, 1e16] {
-            let mut values = vec![0.0; 24];
-            values[1 + 2 + 12] = bad;
-            let grid = Grid::dense(UVec3::new(2, 3, 4), DAffine3::IDENTITY, values).unwrap();
-            let error = GridMedium::new(Arc::new(grid), None).unwrap_err();
-            assert!(matches!(error, MediumError::Density { x: 1, y: 1, z: 2, .. }), "{error}");
-        }
     }
 }

@@ -1,13 +1,15 @@
 //! Participating media: where density lives ([`Medium`], [`Lattice`]), what it does to light ([`Optics`], [`Phase`]).
 //!
-//! A medium is a scalar density ρ on a lattice, and optics that are the same everywhere: extinction σt(x) = ρ(x) ·
-//! `extinction`, scattering σs = albedo · σt, emission j(x) = ρe(x) · `emission`. Columns of ρ are scalars; colour
-//! enters at the exponential.
+//! A medium is a scalar density ρ on a lattice, and optics that multiply it: extinction σt(x) = ρ(x) · `extinction`,
+//! scattering σs(x) = ρs(x) · `extinction` · `albedo`, emission j(x) = ρe(x) · `emission`. ρs and ρe are ρ, unless the
+//! medium has fields of their own for them ([`OpticsFields`]). Columns of ρ are scalars; colour enters at the exponential.
 
 mod bins;
+mod fields;
 mod fog;
 mod gaussians;
 mod grid;
+mod grid_medium;
 mod lattice;
 mod noise;
 mod optics;
@@ -16,9 +18,11 @@ mod phase;
 use std::fmt::Debug;
 
 pub use bins::Bins;
+pub use fields::{OpticsField, OpticsFields};
 pub use fog::HeightFog;
 pub use gaussians::{Gaussian, Gaussians};
-pub use grid::{BRICK, Brick, Grid, GridMedium, Homogeneous, IndexBox, Storage, Tile};
+pub use grid::{BRICK, Brick, Grid, Homogeneous, IndexBox, Storage, Tile};
+pub use grid_medium::GridMedium;
 pub use lattice::Lattice;
 pub use noise::{Detailed, FractalNoise, Noise};
 pub use optics::{Optics, OpticsError};
@@ -55,6 +59,22 @@ pub enum MediumError {
     Density {
         /// The offending value.
         value: f32,
+        /// Index of the voxel.
+        x: i32,
+        /// See `x`.
+        y: i32,
+        /// See `x`.
+        z: i32,
+    },
+    /// A value of a grid beside the density's that is out of range.
+    #[error("{what} {value} at voxel ({x}, {y}, {z}); it must be from 0 to {most}")]
+    Value {
+        /// What the grid says.
+        what: &'static str,
+        /// The offending value, in the unit of `most`.
+        value: f64,
+        /// The largest that would do.
+        most: f64,
         /// Index of the voxel.
         x: i32,
         /// See `x`.
@@ -146,27 +166,14 @@ pub trait Medium: Debug + Send + Sync {
         DensitySource::Slices
     }
 
-    /// The field that emission is proportional to, on the same lattice, where it is not the density itself.
-    fn emission_density(&self) -> Option<EmissionDensity<'_>> {
-        None
+    /// What scatters and shines otherwise than the density does. By default nothing.
+    fn optics_fields(&self) -> OpticsFields<'_> {
+        OpticsFields::default()
     }
 
     /// The length in metres that a view `step` counts in: the shortest voxel edge, or what a medium without voxels states.
     fn voxel(&self) -> f64 {
         self.lattice().shortest_edge()
-    }
-}
-
-/// A second scalar field ρe on a medium's lattice: emission is j(x) = ρe(x) · `emission`.
-#[derive(Clone, Copy)]
-pub struct EmissionDensity<'a> {
-    grid: &'a GridMedium,
-}
-
-impl EmissionDensity<'_> {
-    /// Writes slice `k` of ρe, as [`Medium::density_slice`] does of ρ.
-    pub fn slice(&self, k: u32, out: &mut [f32]) {
-        self.grid.emission_slice(k, out);
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, UVec3};
 
 use super::{
-    DensitySource, EmissionDensity, GridMedium, LARGEST, Lattice, Medium, MediumError, demand, demand_density,
+    DensitySource, GridMedium, LARGEST, Lattice, Medium, MediumError, OpticsField, OpticsFields, demand, demand_density,
 };
 use crate::Version;
 use crate::random::{hash, scatter};
@@ -180,7 +180,7 @@ impl Medium for Noise {
 }
 
 /// A grid whose density is multiplied by noise for detail: ρ = ρ_grid · max(0, 1 + contrast · n). Where the grid is
-/// empty it stays empty. A grid of emission is left as it is.
+/// empty it stays empty. What scatters and what absorbs are multiplied alike; a grid of emission is left as it is.
 #[derive(Clone, Debug)]
 pub struct Detailed {
     grid: Arc<GridMedium>,
@@ -202,6 +202,20 @@ impl Detailed {
     /// The noise.
     pub fn noise(&self) -> &FractalNoise {
         &self.noise
+    }
+
+    /// A field of the grid, multiplied as the density is.
+    fn detailed<'a>(&'a self, field: OpticsField<'a>) -> OpticsField<'a> {
+        OpticsField::new(self.version, move |k, out| {
+            field.slice(k, out);
+            let dims = self.lattice().dims();
+            let mut factor = vec![0.0f32; dims.x as usize * dims.y as usize];
+            self.lattice().fill_slice(k, &mut factor, |p, _| self.noise.factor(p));
+            let values = out.len() / factor.len();
+            for (voxel, factor) in out.chunks_exact_mut(values).zip(factor) {
+                voxel.iter_mut().for_each(|v| *v = (*v * factor).min(LARGEST));
+            }
+        })
     }
 }
 
@@ -226,8 +240,14 @@ impl Medium for Detailed {
         DensitySource::Detailed(self)
     }
 
-    fn emission_density(&self) -> Option<EmissionDensity<'_>> {
-        self.grid.emission_density()
+    fn optics_fields(&self) -> OpticsFields<'_> {
+        let fields = self.grid.optics_fields();
+        let scattering = fields.scattering.map(|field| self.detailed(field));
+        if self.grid.has_emission() {
+            return OpticsFields { scattering, ..fields };
+        }
+        let shining = |field: Option<_>| field.map(|field| self.detailed(field));
+        OpticsFields { scattering, emission: shining(fields.emission), emission_color: shining(fields.emission_color) }
     }
 }
 

@@ -12,6 +12,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use super::closed::transmittance;
 use super::lookup::clip;
 use crate::basis::quadrature::gauss_legendre;
+use crate::media::OpticsField;
 use crate::scene::Scene;
 
 /// How fine the quadratures are.
@@ -46,7 +47,9 @@ pub struct BruteForce<'s> {
     dims: [u32; 4],
     to_index: DAffine3,
     density: Vec<f64>,
-    emission: Option<Vec<f64>>,
+    /// Of each channel; none where it is the density.
+    scattering: Option<[Vec<f64>; 3]>,
+    emission: Option<[Vec<f64>; 3]>,
     sphere: Vec<Part>,
     pair: Vec<(f64, f64)>,
     nodes: Vec<(f64, f64)>,
@@ -75,21 +78,29 @@ impl<'s> BruteForce<'s> {
     fn with_sphere(scene: &'s Scene, settings: &BruteSettings, sphere: Vec<Part>) -> Self {
         let lattice = scene.medium.lattice();
         let d = lattice.dims();
-        let mut slice = vec![0.0f32; d.x as usize * d.y as usize];
-        let (mut density, mut emission) = (Vec::new(), scene.medium.emission_density().map(|_| Vec::new()));
-        for k in 0..d.z {
-            scene.medium.density_slice(k, &mut slice);
-            density.extend(slice.iter().map(|&v| f64::from(v)));
-            if let (Some(field), Some(values)) = (scene.medium.emission_density(), &mut emission) {
-                field.slice(k, &mut slice);
-                values.extend(slice.iter().map(|&v| f64::from(v)));
+        let voxels = d.x as usize * d.y as usize;
+        // Channel `c` of a field of so many values a voxel.
+        let read = |values: usize, c: usize, write: &dyn Fn(u32, &mut [f32])| -> Vec<f64> {
+            let mut slice = vec![0.0f32; voxels * values];
+            let mut channel = Vec::new();
+            for k in 0..d.z {
+                write(k, &mut slice);
+                channel.extend(slice.iter().skip(c).step_by(values).map(|&v| f64::from(v)));
             }
-        }
+            channel
+        };
+        let colors = |field: OpticsField<'_>| [0, 1, 2].map(|c| read(4, c, &|k, out| field.slice(k, out)));
+        let grey = |field: OpticsField<'_>| [0, 1, 2].map(|_| read(1, 0, &|k, out| field.slice(k, out)));
+        let fields = scene.medium.optics_fields();
+        let density = read(1, 0, &|k, out| scene.medium.density_slice(k, out));
+        let scattering = fields.scattering.map(colors);
+        let emission = fields.emission_color.map(colors).or_else(|| fields.emission.map(grey));
         Self {
             scene,
             dims: [d.x, d.y, d.z, 0],
             to_index: lattice.world_to_index(),
             density,
+            scattering,
             emission,
             sphere,
             pair: gauss_legendre(2),
@@ -123,11 +134,11 @@ impl<'s> BruteForce<'s> {
             for &(x, w) in &self.nodes {
                 let t = 0.5 * (piece[0] + piece[1]) + 0.5 * (piece[1] - piece[0]) * x;
                 let at = start + t * along;
-                let sigma = self.density(at) * extinction;
+                let scattering = self.tinted(&self.scattering, at) * extinction * albedo;
                 let reaching = exp(-(column + self.smooth(start, along, piece[0], t)) * extinction);
                 let mut source = self.emission(at);
-                if sigma != DVec3::ZERO {
-                    source += sigma * albedo * self.scattered(origin + t * d, d);
+                if scattering != DVec3::ZERO {
+                    source += scattering * self.scattered(origin + t * d, d);
                 }
                 color += 0.5 * (piece[1] - piece[0]) * w * reaching * source;
             }
@@ -222,9 +233,17 @@ impl<'s> BruteForce<'s> {
     /// Emission coefficient j at a point of index space.
     fn emission(&self, at: DVec3) -> DVec3 {
         if self.scene.optics.emits() {
-            self.scene.optics.emission.as_dvec3() * self.lookup(self.emission.as_ref().unwrap_or(&self.density), at)
+            self.scene.optics.emission.as_dvec3() * self.tinted(&self.emission, at)
         } else {
             DVec3::ZERO
+        }
+    }
+
+    /// A density of each channel, which is the medium's where there is no other.
+    fn tinted(&self, channels: &Option<[Vec<f64>; 3]>, at: DVec3) -> DVec3 {
+        match channels {
+            Some(channels) => DVec3::from([0, 1, 2].map(|c| self.lookup(&channels[c], at))),
+            None => DVec3::splat(self.density(at)),
         }
     }
 

@@ -62,6 +62,30 @@ impl Samples<'_, [f32; 4]> {
     }
 }
 
+/// A density of each channel: colours, or one density of all three.
+#[derive(Clone, Copy)]
+pub(super) enum Tints<'a> {
+    Colors(Samples<'a, [f32; 4]>),
+    Density(Samples<'a, f32>),
+}
+
+impl<'a> Tints<'a> {
+    /// Of `colors` where there are any, else of `density`.
+    pub(super) fn new(colors: Option<&'a [[f32; 4]]>, density: &'a [f32], dims: [u32; 4]) -> Self {
+        match colors {
+            Some(colors) => Self::Colors(Samples::new(colors, dims)),
+            None => Self::Density(Samples::new(density, dims)),
+        }
+    }
+
+    pub(super) fn trilinear(&self, p: DVec3) -> DVec3 {
+        match self {
+            Self::Colors(samples) => samples.trilinear(p),
+            Self::Density(samples) => DVec3::splat(samples.trilinear(p)),
+        }
+    }
+}
+
 /// The part of a ray of index space within the box of `dims` voxels and between 0 and `limit`: from, to. Where it
 /// misses, `to` is less than `from`.
 pub(super) fn clip(origin: DVec3, direction: DVec3, dims: [u32; 4], limit: f64) -> (f64, f64) {

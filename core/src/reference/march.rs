@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::closed::{emission_absorption, transmittance};
-use super::lookup::{Samples, Steps, apply, phase, xyz};
+use super::lookup::{Samples, Steps, Tints, apply, phase, xyz};
 use crate::basis::{Basis, SphericalHarmonics};
 use crate::stage::{LightRecord, MarchParams, shadow_kind};
 
@@ -14,8 +14,12 @@ use crate::stage::{LightRecord, MarchParams, shadow_kind};
 pub struct MarchInputs<'a> {
     /// Density, x fastest.
     pub density: &'a [f32],
+    /// Density that scatters, where it is not the density.
+    pub scattering: Option<&'a [[f32; 4]]>,
     /// Emission density, where it is not the density.
     pub emission: Option<&'a [f32]>,
+    /// Emission density with a colour, in its place.
+    pub emission_color: Option<&'a [[f32; 4]]>,
     /// In-scattered radiance, laid out \[cell\]\[layer\].
     pub in_scatter: Option<&'a [[f32; 4]]>,
     /// Columns or mean densities toward the lights, laid out \[cell\]\[layer\].
@@ -89,7 +93,8 @@ impl Path {
         limit: f64,
     ) -> Self {
         let density = Samples::new(inputs.density, params.dims);
-        let emission = Samples::new(inputs.emission.unwrap_or(inputs.density), params.dims);
+        let scattering = Tints::new(inputs.scattering, inputs.density, params.dims);
+        let emission = Tints::new(inputs.emission_color, inputs.emission.unwrap_or(inputs.density), params.dims);
         let rows = [params.index_x, params.index_y, params.index_z];
         let steps = Steps::new(xyz(params.eye), apply(rows, d), params.dims, limit, params.step.into());
         let mut path = Self { radiance: DVec3::ZERO, transmittance: DVec3::ONE, stopped: 0.0, stopped_at: 0.0 };
@@ -100,7 +105,8 @@ impl Path {
             let (t, at) = steps.middle(k);
             let extinction = density.trilinear(at) * xyz(params.extinction);
             let light = gathered(params, inputs, harmonics, at, d) + direct(params, inputs, at, t, d);
-            let source = extinction * xyz(params.albedo) * light + emission.trilinear(at) * xyz(params.emission);
+            let scattering = scattering.trilinear(at) * xyz(params.extinction) * xyz(params.albedo);
+            let source = scattering * light + emission.trilinear(at) * xyz(params.emission);
             for c in 0..3 {
                 let sent = emission_absorption(source[c], extinction[c], steps.length);
                 path.radiance[c] += path.transmittance[c] * sent;
@@ -250,7 +256,9 @@ mod tests {
         let density = 1.5f32;
         let inputs = MarchInputs {
             density: &[density; 24],
+            scattering: None,
             emission: None,
+            emission_color: None,
             in_scatter: None,
             light_depth: None,
             lights: &[light],

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::closed::{emission_absorption, transmittance};
-use super::lookup::{Samples, Steps, apply, phase, xyz};
+use super::lookup::{Samples, Steps, Tints, apply, phase, xyz};
 use crate::stage::ProjectParams;
 
 /// What the bindings of [`Project`](crate::stage::Project) hold.
@@ -13,6 +13,8 @@ pub struct ProjectInputs<'a> {
     pub density: &'a [f32],
     /// Emission density, where it is not the density.
     pub emission: Option<&'a [f32]>,
+    /// Emission density with a colour, in its place.
+    pub emission_color: Option<&'a [[f32; 4]]>,
     /// Mean and maximum of each cell; none where every cell is projected.
     pub occupancy: Option<&'a [[f32; 2]]>,
     /// Unit directions.
@@ -49,7 +51,7 @@ fn one(params: &ProjectParams, inputs: &ProjectInputs<'_>, center: DVec3) -> (Ve
     let weight_channels = params.weight_channels as usize;
     let extinction = |c: usize| f64::from(params.extinction[if params.channels == 3 { c } else { 0 }]);
     let density = Samples::new(inputs.density, params.dims);
-    let emission = Samples::new(inputs.emission.unwrap_or(inputs.density), params.dims);
+    let emission = Tints::new(inputs.emission_color, inputs.emission.unwrap_or(inputs.density), params.dims);
     let view = apply([params.world_x, params.world_y, params.world_z], center - xyz(params.eye)).normalize_or_zero();
     let mut record = vec![0.0; coefficients * channels];
     let mut emitted = vec![0.0; moments * 3];
@@ -76,7 +78,7 @@ fn one(params: &ProjectParams, inputs: &ProjectInputs<'_>, center: DVec3) -> (Ve
             for step in 0..steps.count {
                 let at = steps.middle(step).1;
                 let here = density.trilinear(at);
-                let source = emission.trilinear(at) * f64::from(params.emission[c]);
+                let source = emission.trilinear(at)[c] * f64::from(params.emission[c]);
                 glow += transmittance(extinction(c) * column)
                     * emission_absorption(source, extinction(c) * here, steps.length);
                 column += here * steps.length;
@@ -119,6 +121,7 @@ mod tests {
         let inputs = ProjectInputs {
             density: &[density; 24],
             emission: None,
+            emission_color: None,
             occupancy: None,
             directions: &directions.iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect::<Vec<_>>(),
             weights: &[1.0; 48],

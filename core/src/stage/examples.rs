@@ -25,6 +25,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             params: Zeroable::zeroed(),
             density: scalar(0),
             emission: full.then(|| scalar(1)),
+            emission_color: full.then(|| field(9, FieldFormat::Rgba)),
             occupancy: full.then(|| buf(2)),
             directions: buf(3),
             weights: buf(4),
@@ -51,7 +52,9 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
         Stage::March(March {
             params: Zeroable::zeroed(),
             density: scalar(0),
+            scattering: full.then(|| field(11, FieldFormat::Rgba)),
             emission: full.then(|| scalar(1)),
+            emission_color: full.then(|| field(12, FieldFormat::Rgba)),
             in_scatter: full.then(|| field(2, FieldFormat::Rgba)),
             light_depth: full.then(|| field(3, FieldFormat::Rgba)),
             occupancy: full.then(|| buf(4)),

@@ -47,6 +47,11 @@ pub(super) fn is_scalar(field: &Field, dims: [u32; 4]) -> bool {
     field.spec.format == FieldFormat::Scalar && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
 }
 
+/// Whether `field` is a field of colours in one layer of `dims`.
+pub(super) fn is_color(field: &Field, dims: [u32; 4]) -> bool {
+    field.spec.format == FieldFormat::Rgba && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
+}
+
 /// A phase function as kernels see it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseParams {

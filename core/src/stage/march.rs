@@ -3,7 +3,9 @@
 //! Per pixel and sub-pixel position the ray is clipped to the box and to the surface in front, and takes
 //! n = ceil(length / step) equal steps Δ, sampled at their middles. With σt = ρ · `extinction` and e = exp(-σt Δ),
 //!
-//! L += T ⊙ (1-e) ⊙ (albedo ⊙ J + j/σt) (the limit T ⊙ j Δ where σt is zero), T ⊙= e, until max T < `cut`.
+//! L += T ⊙ (1-e) ⊙ (σs ⊙ J + j)/σt (the limit T ⊙ j Δ where σt is zero), T ⊙= e, until max T < `cut`.
+//!
+//! σs is ρs · `extinction` · `albedo` and j is ρe · `emission`; ρs and ρe are ρ, unless there are fields of their own.
 //!
 //! J is the sum of what the estimators prepared: `in_scatter`, a field over the record cells of one layer, or of
 //! bands² layers that are weighed with Y_k(d) of the ray's direction; and `lights`, each with phase, falloff and the
@@ -24,7 +26,7 @@ use std::ops::Range;
 use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec};
 use crate::kernel_struct;
-use crate::stage::grid::{is_scalar, most_steps};
+use crate::stage::grid::{is_color, is_scalar, most_steps};
 use crate::stage::{Kernel, PhaseParams, require};
 
 kernel_struct! {
@@ -144,8 +146,12 @@ pub struct March {
     pub params: MarchParams,
     /// Density ρ.
     pub density: Field,
+    /// The density that scatters, ρs, RGB; unused; where it is not ρ.
+    pub scattering: Option<Field>,
     /// Emission density ρe, where it is not ρ.
     pub emission: Option<Field>,
+    /// Emission density with a colour, RGB; unused; in place of ρe.
+    pub emission_color: Option<Field>,
     /// In-scattered radiance at the record cells.
     pub in_scatter: Option<Field>,
     /// Columns or mean densities toward the lights, four to a layer.
@@ -228,7 +234,9 @@ impl Kernel for March {
         let row = u64::from(Self::BLOCK) * u64::from(self.params.width);
         vec![
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
+            Binding::sample("scattering", FieldFormat::Rgba, self.scattering),
             Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
+            Binding::sample("emission_color", FieldFormat::Rgba, self.emission_color),
             Binding::sample("in_scatter", FieldFormat::Rgba, self.in_scatter),
             Binding::sample("light_depth", FieldFormat::Rgba, self.light_depth),
             Binding::read("occupancy", self.occupancy),
@@ -258,7 +266,9 @@ impl Kernel for March {
             self.density.spec,
             p.dims
         );
+        require!(self.scattering.is_none_or(|f| is_color(&f, p.dims)), "what scatters differs from the density");
         require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
+        require!(self.emission_color.is_none_or(|f| is_color(&f, p.dims)), "the emission differs from the density");
         require!(p.step.is_finite() && p.step > 0.0, "a step of {} m", p.step);
         let pixels = u64::from(p.width) * u64::from(p.height);
         require!(pixels > 0 && u32::try_from(pixels).is_ok(), "a picture of {} × {}", p.width, p.height);
@@ -377,7 +387,9 @@ mod tests {
         March {
             params,
             density: Field { id: ResourceId(0), spec },
+            scattering: None,
             emission: None,
+            emission_color: None,
             in_scatter: None,
             light_depth: None,
             occupancy: None,

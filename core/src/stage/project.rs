@@ -26,7 +26,7 @@
 use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{is_scalar, most_steps};
+use crate::stage::grid::{is_color, is_scalar, most_steps};
 use crate::stage::{Kernel, PhaseParams, require};
 
 kernel_struct! {
@@ -86,6 +86,8 @@ pub struct Project {
     pub density: Field,
     /// Emission density ρe, where it is not ρ.
     pub emission: Option<Field>,
+    /// Emission density with a colour, RGB; unused; in place of ρe.
+    pub emission_color: Option<Field>,
     /// Mean and maximum of each cell, from `reduce`; without it every cell is projected.
     pub occupancy: Option<Buf<[f32; 2]>>,
     /// Unit directions in the world; unused.
@@ -164,6 +166,7 @@ impl Kernel for Project {
         vec![
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
             Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
+            Binding::sample("emission_color", FieldFormat::Rgba, self.emission_color),
             Binding::read("occupancy", self.occupancy).in_parts::<[f32; 2]>(1),
             Binding::read("directions", Some(self.directions)),
             Binding::read("weights", Some(self.weights)),
@@ -187,6 +190,7 @@ impl Kernel for Project {
             p.dims
         );
         require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
+        require!(self.emission_color.is_none_or(|f| is_color(&f, p.dims)), "the emission differs from the density");
         let cells = p.cells[..3].iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} cells", p.cells);
         let cells = u64::from(self.axis());
@@ -253,6 +257,7 @@ mod tests {
             params,
             density: Field { id: ResourceId(0), spec },
             emission: None,
+            emission_color: None,
             occupancy: None,
             directions: Buf::new(ResourceId(1), 200),
             weights: Buf::new(ResourceId(2), 800),

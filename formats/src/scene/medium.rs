@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airlight_core::media::{
-    Detailed, FractalNoise, Grid, GridMedium, Homogeneous, Lattice, Medium, MediumError, Optics, Phase, PhaseTable,
+    Detailed, FractalNoise, Grid, Homogeneous, IndexBox, Lattice, Medium, MediumError, Optics, Phase, PhaseTable,
 };
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::described::{self, Described};
 use super::error::Fault;
 use super::file::Slot;
+use super::grids::{self, Grids};
 use super::table::{Field, Table};
 use super::tree::Entry;
 use crate::FormatError;
@@ -20,17 +21,7 @@ use crate::volume::Volume;
 pub(super) type ReadVolume<'a> = &'a dyn Fn(&Path, Option<&str>) -> Result<Volume, FormatError>;
 
 const OPTICS: &[&str] = &["extinction", "albedo", "anisotropy", "phase", "emission"];
-const GRID: &[&str] = &[
-    "file",
-    "grid",
-    "bounds",
-    "albedo_grid",
-    "absorption_grid",
-    "emission_grid",
-    "temperature_grid",
-    "transfer_function",
-    "noise",
-];
+const GRID: &[&str] = &["file", "grid", "bounds", "transfer_function", "noise"];
 const HOMOGENEOUS: &[&str] = &["density", "bounds"];
 
 const PHASES: &[(&str, &[&str])] = &[
@@ -51,7 +42,7 @@ enum Source<'a> {
         file: Field<'a>,
         name: Option<&'a str>,
         bounds: Option<(DVec3, DVec3)>,
-        emission: Option<Field<'a>>,
+        grids: Grids<'a>,
         detail: Option<FractalNoise>,
     },
     Described(Described<'a>),
@@ -68,7 +59,8 @@ pub(super) struct Plan<'a> {
 pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
     let medium = root.require("medium", "[medium] with kind = \"grid\" and file = \"cloud.vdb\"")?;
     let keys = |own: &[&'static str]| [OPTICS, own].concat();
-    let (grid, homogeneous, gaussians) = (keys(GRID), keys(HOMOGENEOUS), keys(described::GAUSSIANS));
+    let (grid, homogeneous) = ([keys(GRID), grids::KEYS.to_vec()].concat(), keys(HOMOGENEOUS));
+    let gaussians = keys(described::GAUSSIANS);
     let (height_fog, noise) = (keys(described::HEIGHT_FOG), keys(described::NOISE));
     let (kind, table) = medium.kinds(
         None,
@@ -97,24 +89,12 @@ pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
 fn grid_source<'a>(table: &Table<'a>) -> Result<Source<'a>, Fault> {
     let file = table.require("file", "file = \"cloud.vdb\"")?;
     file.text()?;
-    table.exclusive("albedo", "albedo_grid")?;
-    for key in ["albedo_grid", "absorption_grid"] {
-        table.not_built(key, "give albedo as a number or [r, g, b] for the whole medium")?;
-    }
-    table
-        .not_built("temperature_grid", "give emission as a number or [r, g, b], with emission_grid where it varies")?;
     table.not_built("transfer_function", "densities are taken as the file has them")?;
-    let emission = table.wanted("emission_grid");
-    if let Some(name) = &emission {
-        name.text()?;
-        table
-            .get("emission")
-            .ok_or_else(|| name.from("says where the medium shines; give emission, as in emission = 1"))?;
-    }
+    let grids = Grids::parse(table)?;
     let name = table.get("grid").map(|f| f.text()).transpose()?;
     let bounds = table.get("bounds").map(|f| f.bounds()).transpose()?;
     let detail = table.wanted("noise").map(|f| described::detail(&f)).transpose()?;
-    Ok(Source::Grid { file, name, bounds, emission, detail })
+    Ok(Source::Grid { file, name, bounds, grids, detail })
 }
 
 fn optics(table: &Table<'_>) -> Result<Optics, Fault> {
@@ -180,32 +160,25 @@ impl Plan<'_> {
                 Ok(Arc::new(Homogeneous::new(*density, min, max).map_err(|e| bounds.from(e))?))
             }
             Source::Described(described) => described.load(folder, files),
-            Source::Grid { file, name, bounds, emission, detail } => {
+            Source::Grid { file, name, bounds, grids, detail } => {
                 let path = folder.join(file.text()?);
-                let mut density = read(&path, *name).map_err(|e| file.from(e))?;
+                let density = read(&path, *name).map_err(|e| file.from(e))?;
                 files.push(path.clone());
-                let mut shining = match emission {
-                    Some(field) => Some(read(&path, Some(field.text()?)).map_err(|e| field.from(e))?),
-                    None => None,
-                };
-                let about = |e: MediumError| file.from(format!("{}: {e}", path.display()));
-                match bounds {
+                let grid =
+                    |key: &Field<'_>| read(&path, Some(key.text()?)).map(|volume| volume.grid).map_err(|e| key.from(e));
+                let reaching = grids.reaching(&grid)?;
+                let map = match bounds {
                     Some(bounds) => {
-                        let map = refit(&density.grid, shining.as_ref().map(|v| &v.grid), *bounds).map_err(about)?;
-                        let place = |v: Volume| {
-                            let to_world = map * v.grid.index_to_world();
-                            Volume { grid: v.grid.placed_by(to_world), ..v }
-                        };
-                        (density, shining) = (place(density), shining.map(place));
+                        let map = refit(&density.grid, reaching.window(&density.grid), *bounds);
+                        Some(map.map_err(|e| file.from(grids::told_of(&path, e)))?)
                     }
                     None if !density.placed => {
                         let what = "does not say where its box lies; give bounds = [[x, y, z], [x, y, z]] in metres";
                         return Err(file.from(format!("{} {what}", path.display())));
                     }
-                    None => {}
-                }
-                let emission = shining.map(|v| Arc::new(v.grid));
-                let medium = Arc::new(GridMedium::new(Arc::new(density.grid), emission).map_err(about)?);
+                    None => None,
+                };
+                let medium = Arc::new(grids.medium((file, &path), (density.grid, reaching), map, &grid)?);
                 Ok(match detail {
                     Some(noise) => Arc::new(Detailed::new(medium, *noise)),
                     None => medium,
@@ -215,9 +188,8 @@ impl Plan<'_> {
     }
 }
 
-/// The map of the world that takes the (axis-aligned) box of the grids onto `bounds`.
-fn refit(density: &Grid, emission: Option<&Grid>, (min, max): (DVec3, DVec3)) -> Result<DAffine3, MediumError> {
-    let window = emission.map_or(density.bounds(), |e| density.bounds().union(e.bounds()));
+/// The map of the world that takes the (axis-aligned) box of the grids' `window` onto `bounds`.
+fn refit(density: &Grid, window: IndexBox, (min, max): (DVec3, DVec3)) -> Result<DAffine3, MediumError> {
     let first = DAffine3::from_translation(window.min.as_dvec3());
     let (low, high) = Lattice::new(window.dims, density.index_to_world() * first)?.world_bounds();
     let scale = DAffine3::from_scale((max - min) / (high - low));

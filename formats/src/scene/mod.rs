@@ -11,6 +11,7 @@ mod described;
 mod error;
 mod estimate;
 mod file;
+mod grids;
 mod light;
 mod medium;
 mod overrides;

@@ -17,6 +17,7 @@ use crate::volume::Volume;
 
 mod animation;
 mod described;
+mod grids;
 mod refusals;
 mod surfaces;
 
@@ -35,10 +36,14 @@ fn volumes(path: &Path, grid: Option<&str>) -> Result<Volume, FormatError> {
     let value = match name.as_str() {
         "density" => 0.5,
         "flames" => 2.0,
+        "share" | "elsewhere" => 0.5,
+        "heat" => 900.0,
         "broken" => -1.0,
+        "undefined" => f32::NAN,
         _ => return Err(FormatError::content(path, None, format!("no grid {name:?}; it has density and flames"))),
     };
-    let map = DAffine3::from_scale_rotation_translation(DVec3::new(0.5, 1.0, 2.0), DQuat::IDENTITY, DVec3::X);
+    let place = if name == "elsewhere" { DVec3::Y } else { DVec3::X };
+    let map = DAffine3::from_scale_rotation_translation(DVec3::new(0.5, 1.0, 2.0), DQuat::IDENTITY, place);
     let grid = Grid::dense(UVec3::new(2, 3, 4), map, vec![value; 24]);
     Ok(Volume { name, grid: grid.map_err(|e| FormatError::content(path, None, e.to_string()))?, placed })
 }
@@ -214,7 +219,7 @@ fn grids_are_placed_by_their_file_or_by_bounds() {
     let loaded = grid(&format!("file = \"cloud.vdb\"\nemission = 1\nemission_grid = \"flames\"\n{BOX}")).unwrap();
     assert!(near(bounds(&loaded), given));
     let mut slice = [0.0; 6];
-    loaded.scene.medium.emission_density().unwrap().slice(3, &mut slice);
+    loaded.scene.medium.optics_fields().emission.unwrap().slice(3, &mut slice);
     assert_eq!(slice, [2.0; 6]);
 }
 
@@ -247,10 +252,6 @@ fn grids_that_cannot_be_used_are_told_at_their_key() {
         told("file = \"cloud.vdb\"\ndensity = 2"),
         "7:1: unknown key `density` in medium; it belongs to kind \"homogeneous\", \"height-fog\" and \"noise\", \
          not to \"grid\""
-    );
-    assert_eq!(
-        told("file = \"cloud.vdb\"\nalbedo_grid = \"albedo\""),
-        "7:15: medium.albedo_grid = \"albedo\" is not built yet; give albedo as a number or [r, g, b] for the whole medium"
     );
 }
 

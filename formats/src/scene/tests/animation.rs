@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::fs;
 
-
 use super::*;
 
 /// A point light on lines 7 to 10 after the least scene.

@@ -1,0 +1,49 @@
+//! Fields of a medium's optics beside its density.
+
+use std::fmt;
+
+use crate::Version;
+
+/// A field on the lattice of a medium's density, written slice by slice.
+pub struct OpticsField<'a> {
+    version: Version,
+    write: Box<dyn Fn(u32, &mut [f32]) + 'a>,
+}
+
+impl<'a> OpticsField<'a> {
+    /// A field of so many values a voxel as [`OpticsFields`] says. Equal versions mean equal values; `write` fills slice
+    /// `k`, x fastest.
+    pub fn new(version: Version, write: impl Fn(u32, &mut [f32]) + 'a) -> Self {
+        Self { version, write: Box::new(write) }
+    }
+
+    /// Identity of the values.
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
+    /// Writes slice `k`, x fastest.
+    pub fn slice(&self, k: u32, out: &mut [f32]) {
+        (self.write)(k, out);
+    }
+}
+
+impl fmt::Debug for OpticsField<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OpticsField").field("version", &self.version).finish_non_exhaustive()
+    }
+}
+
+/// What of a medium's optics does not follow its density ρ. All values are from 0 to [`LARGEST`](super::LARGEST), and
+/// between voxels they are interpolated as densities are.
+#[derive(Debug, Default)]
+pub struct OpticsFields<'a> {
+    /// The density that scatters, ρs, no more than ρ: σs = ρs · `extinction` · `albedo`. Four values a voxel: RGB and an
+    /// unused one. Without it ρs is ρ.
+    pub scattering: Option<OpticsField<'a>>,
+    /// The density that shines, ρe: j = ρe · `emission`. One value a voxel. Without it ρe is ρ.
+    pub emission: Option<OpticsField<'a>>,
+    /// The same with a colour of its own: it stands for ρe in j, and is zero where ρe is. Four values a voxel: RGB and an
+    /// unused one.
+    pub emission_color: Option<OpticsField<'a>>,
+}
