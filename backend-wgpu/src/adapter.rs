@@ -69,7 +69,7 @@ pub(crate) fn required_limits() -> wgpu::Limits {
         max_bind_groups: 3,
         max_bindings_per_bind_group: 7 * MAX_SLABS,
         max_uniform_buffers_per_shader_stage: 2,
-        max_storage_buffers_per_shader_stage: 7,
+        max_storage_buffers_per_shader_stage: 8,
         max_sampled_textures_per_shader_stage: 4,
         max_storage_textures_per_shader_stage: 2,
         max_compute_invocations_per_workgroup: 64,

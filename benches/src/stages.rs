@@ -283,7 +283,7 @@ impl Rig {
         params.eye = four(lattice().world_to_index().transform_point3(camera.origin));
         [params.forward, params.right, params.up] = camera.axes().map(four);
         (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
-        (params.sample_end, params.step_end) = (1, March::ALL_STEPS);
+        (params.sample_end, params.step_end, params.surface_samples) = (1, March::ALL_STEPS, 1);
         params.extinction = [EXTINCTION; 4];
         (params.step, params.cut, params.shadow) = (lattice().shortest_edge() as f32, March::CUT, shadow_kind::NONE);
         let stage = March {
@@ -297,6 +297,8 @@ impl Rig {
             tables: self.fill(&[0.5f32, 0.5])?,
             environment: None,
             surface: None,
+            mesh: None,
+            shadow_map: None,
             paths: None,
             film: self.make(2 * view.rays.len() as u64, Usage::Output)?,
         };

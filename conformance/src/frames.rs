@@ -166,7 +166,7 @@ fn scenes() -> Axis<Scene> {
     scenes.push(("a sky that is seen", seen));
     let mut unshadowed = with_lights(lit(grey(Phase::Rayleigh), records(radiance, 1)));
     (unshadowed.environment, unshadowed.estimate.environment) = (None, None);
-    unshadowed.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None }));
+    unshadowed.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None, ..Direct::default() }));
     scenes.push(("lights alone, without shadow", unshadowed));
     Axis::new("scene", scenes)
 }
@@ -199,6 +199,6 @@ fn with_lights(mut scene: Scene) -> Scene {
         Light::spot(DVec3::new(-0.5, 1.2, 0.6), DVec3::new(0.1, 0.0, 0.2), Vec3::splat(1.5), 10.0, 30.0)
             .expect("a light"),
     ];
-    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
     scene
 }

@@ -26,11 +26,12 @@ pub(crate) fn cases() -> Vec<Case> {
     let mut unlit = scene(Content::Radiance);
     unlit.environment = None;
     unlit.lights = vec![sun()];
-    unlit.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    unlit.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
     cases.push(case("direct", unlit.clone(), lights(&["march"], &["reduce", "march"])));
     unlit.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, ..Opacity::default() }));
     cases.push(case("opacity", unlit.clone(), lights(&["propagate", "march"], &["propagate", "reduce", "march"])));
-    unlit.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, scheme: Scheme::Published }));
+    unlit.estimate.lights =
+        Some(LightsEstimate::Opacity(Opacity { cells: 5, scheme: Scheme::Published, ..Opacity::default() }));
     cases.push(case(
         "opacity_published",
         unlit,

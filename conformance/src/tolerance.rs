@@ -49,6 +49,12 @@ tolerances! {
          a whole number of steps to the last digit may take one step more in f32, which moves its samples and costs \
          one pixel the error of the quadrature itself, a few thousandths on the coarse grids here." }
 
+    /// Where rays meet triangles.
+    HITS { 1e-5, 1e-4,
+        "Places of corners and of the eye, good to 2⁻²⁴ of some metres, a dot product of three terms, and a quotient of \
+         areas: 10⁻⁶, and at most ten times that where a triangle is seen at a slant. Far away places are good to 2⁻²⁴ of \
+         the distance, which normals feel as that over the size of a triangle: some 10⁻⁴ at a kilometre." }
+
     /// As [`STAGE`], of means.
     MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }
 

@@ -4,6 +4,7 @@ mod background;
 mod camera;
 mod estimate;
 mod film;
+mod hierarchy;
 mod mesh;
 
 use std::sync::Arc;
@@ -14,9 +15,10 @@ pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Opacity,
-    Records, Scheme, Shadow,
+    Records, Scheme, Shadow, SurfaceShadow,
 };
 pub use film::Film;
+pub use hierarchy::Hierarchy;
 pub use mesh::{Material, Mesh, MeshError, Triangle};
 
 use crate::light::{Environment, EnvironmentError, Light};
