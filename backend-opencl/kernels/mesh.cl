@@ -124,14 +124,14 @@ float4 crossed(const Bound *bound, const Line *of, uint triangle) {
     return (float4)(weights.x * a.z + weights.y * b.z + weights.z * c.z, weights);
 }
 
-// A point across and along the ray.
-float3 seen(const Line *of, float3 point) {
-    float3 p = point - of->origin;
-    return (float3)(dot(p, of->u), dot(p, of->v), dot(p, of->direction));
-}
-
 // The place of a record.
 float3 place(const Bound *bound, uint record) {
     MeshRecord at = bound->mesh[record];
     return (float3)(at.x, at.y, at.z);
+}
+
+// A point across and along the ray.
+float3 seen(const Line *of, float3 point) {
+    float3 p = point - of->origin;
+    return (float3)(dot(p, of->u), dot(p, of->v), dot(p, of->direction));
 }

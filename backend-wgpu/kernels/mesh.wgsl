@@ -111,14 +111,14 @@ fn crossed(of: Line, triangle: u32) -> vec4<f32> {
     return vec4<f32>(weights.x * a.z + weights.y * b.z + weights.z * c.z, weights);
 }
 
-// A point across and along the ray.
-fn seen(of: Line, point: vec3<f32>) -> vec3<f32> {
-    let p = point - of.origin;
-    return vec3<f32>(dot(p, of.u), dot(p, of.v), dot(p, of.direction));
-}
-
 // The place of a record.
 fn place(record: u32) -> vec3<f32> {
     let at = mesh[record];
     return vec3<f32>(at.x, at.y, at.z);
+}
+
+// A point across and along the ray.
+fn seen(of: Line, point: vec3<f32>) -> vec3<f32> {
+    let p = point - of.origin;
+    return vec3<f32>(dot(p, of.u), dot(p, of.v), dot(p, of.direction));
 }

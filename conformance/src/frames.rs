@@ -10,10 +10,11 @@ use airlight::light::Light;
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Records, Scene, Shadow,
+    SurfaceShadow,
 };
 use libtest_mimic::Failed;
 
-use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, sky};
+use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, room, sky};
 use crate::limits::sizes;
 use crate::{Axis, Case, Record, Subject, rgb, tolerance};
 
@@ -168,6 +169,13 @@ fn scenes() -> Axis<Scene> {
     (unshadowed.environment, unshadowed.estimate.environment) = (None, None);
     unshadowed.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None, ..Direct::default() }));
     scenes.push(("lights alone, without shadow", unshadowed));
+    let mut surfaces = with_lights(lit(chromatic(hg()), records(radiance, 2)));
+    surfaces.surfaces = Some(Arc::new(room()));
+    let by = |surface_shadow| Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, surface_shadow }));
+    surfaces.estimate.lights = by(SurfaceShadow::Ray);
+    scenes.push(("surfaces", surfaces.clone()));
+    surfaces.estimate.lights = by(SurfaceShadow::Map(24));
+    scenes.push(("surfaces with maps", surfaces));
     Axis::new("scene", scenes)
 }
 

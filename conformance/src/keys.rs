@@ -5,10 +5,12 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::Phase;
-use airlight::scene::{Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow};
+use airlight::scene::{
+    Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow, SurfaceShadow,
+};
 use libtest_mimic::Failed;
 
-use crate::fixtures::{DIMS, Map, cloud, grey, sky};
+use crate::fixtures::{DIMS, Map, cloud, grey, room, sky};
 use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -37,6 +39,7 @@ pub(crate) fn cases() -> Vec<Case> {
         unlit,
         lights(&["propagate", "march"], &["reduce", "propagate", "reduce", "march"]),
     ));
+    cases.push(case("surfaces", surfaces(), of_surfaces()));
     cases.push(case("optics_and_picture", scene(Content::Transmittance), optics()).at("content", "transmittance"));
     cases
 }
@@ -185,6 +188,38 @@ fn lights(moved: &'static [&'static str], medium: &'static [&'static str]) -> Ax
         ),
         change("the eye's place", |s| s.camera.origin += DVec3::new(0.1, 0.2, -0.1), &["march"]),
         change("the medium", |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium, medium),
+    ])
+}
+
+/// A lit cloud with surfaces.
+fn surfaces() -> Scene {
+    let mut scene = scene(Content::Radiance);
+    scene.environment = None;
+    scene.estimate.environment = None;
+    scene.lights = vec![sun()];
+    scene.surfaces = Some(Arc::new(room()));
+    let direct = Direct { shadow: Shadow::March, surface_shadow: SurfaceShadow::Map(16) };
+    scene.estimate.lights = Some(LightsEstimate::Direct(direct));
+    scene
+}
+
+/// Table 1 of Giroud and Biri, with surfaces.
+fn of_surfaces() -> Axis<Change> {
+    let lamp = |color: Vec3| vec![Light::point(DVec3::new(0.5, 1.0, 0.3), color).expect("a light")];
+    let direct = |surface_shadow| Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, surface_shadow }));
+    changes([
+        change("nothing", |_| (), &[]),
+        change("the light's place", move |s| s.lights = lamp(Vec3::ONE), &["shadow", "shade", "march"]),
+        change("the light's color", move |s| s.lights = lamp(Vec3::X), &["shade", "march"]),
+        change("the eye's place", |s| s.camera.origin += DVec3::new(0.1, 0.2, -0.1), &["trace", "shade", "march"]),
+        change(
+            "the medium",
+            |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium,
+            &["reduce", "shade", "march"],
+        ),
+        change("albedo", |s| s.optics.albedo = Vec3::splat(0.3), &["march"]),
+        change("the surfaces", |s| s.surfaces = Some(Arc::new(room())), &["shadow", "trace", "shade", "march"]),
+        change("rays for maps", move |s| s.estimate.lights = direct(SurfaceShadow::Ray), &["march"]),
     ])
 }
 
