@@ -13,8 +13,8 @@ struct Face {
 fn face(light: LightRecord, n: u32, extent: f32) -> Face {
     if light.position.w == 0.0 || light.cone.w > 0.0 {
         let parallel = light.position.w == 0.0;
-        let of = line(vec3<f32>(0.0), select(light.axis.xyz, -light.position.xyz, parallel));
-        return Face(of.direction, of.u, of.v, select(light.cone.w, extent, parallel));
+        let way = line(vec3<f32>(0.0), select(light.axis.xyz, -light.position.xyz, parallel));
+        return Face(way.direction, way.u, way.v, select(light.cone.w, extent, parallel));
     }
     var axes = Face(vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), 1.0);
     let a = n / 2u;

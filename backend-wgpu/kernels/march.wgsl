@@ -258,9 +258,9 @@ fn mapped(record: LightRecord, light: Incident, at: vec3<f32>) -> f32 {
         }
     }
     let extent = params.mesh_eye.w;
-    let of = face(record, n, extent);
-    var depth = dot(v, of.forward);
-    var place = vec2<f32>(dot(v, of.right), dot(v, of.up)) / of.half_width;
+    let plane = face(record, n, extent);
+    var depth = dot(v, plane.forward);
+    var place = vec2<f32>(dot(v, plane.right), dot(v, plane.up)) / plane.half_width;
     if record.position.w != 0.0 {
         place /= max(depth, 1e-30);
     } else {

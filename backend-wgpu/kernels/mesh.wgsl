@@ -32,19 +32,19 @@ fn line(origin: vec3<f32>, direction: vec3<f32>) -> Line {
 }
 
 // The nearest triangle within boxes `begin` to `end`, between `least` and `limit` metres along.
-fn nearest(of: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
+fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
     var found = Hit(FAR, 0u, vec3<f32>(0.0));
     var far = limit;
     var node = begin;
     while node < end {
-        if !meets(of, node, far) {
+        if !meets(way, node, far) {
             node = mesh[2u * node].number;
             continue;
         }
         let leaf = mesh[2u * node + 1u].number;
         let first = leaf >> MESH_COUNT_BITS;
         for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
-            let at = crossed(of, first + k);
+            let at = crossed(way, first + k);
             if at.x >= least && at.x < far {
                 far = at.x;
                 found = Hit(far, first + k, at.yzw);
@@ -56,17 +56,17 @@ fn nearest(of: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
 }
 
 // Whether a triangle stands within `limit` metres.
-fn blocked(of: Line, limit: f32) -> bool {
+fn blocked(way: Line, limit: f32) -> bool {
     var node = 0u;
     while node < params.nodes {
-        if !meets(of, node, limit) {
+        if !meets(way, node, limit) {
             node = mesh[2u * node].number;
             continue;
         }
         let leaf = mesh[2u * node + 1u].number;
         let first = leaf >> MESH_COUNT_BITS;
         for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
-            let at = crossed(of, first + k);
+            let at = crossed(way, first + k);
             if at.x >= 0.0 && at.x < limit {
                 return true;
             }
@@ -77,9 +77,9 @@ fn blocked(of: Line, limit: f32) -> bool {
 }
 
 // Whether the ray meets a box within `limit` metres.
-fn meets(of: Line, node: u32, limit: f32) -> bool {
-    let lower = (place(2u * node) - of.origin) * of.inverse;
-    let upper = (place(2u * node + 1u) - of.origin) * of.inverse;
+fn meets(way: Line, node: u32, limit: f32) -> bool {
+    let lower = (place(2u * node) - way.origin) * way.inverse;
+    let upper = (place(2u * node + 1u) - way.origin) * way.inverse;
     let first = min(lower, upper);
     let last = max(lower, upper);
     let near = max(max(first.x, first.y), max(first.z, 0.0));
@@ -89,11 +89,11 @@ fn meets(of: Line, node: u32, limit: f32) -> bool {
 }
 
 // Where the ray crosses a triangle: metres along, -1 where it does not; weights of the corners.
-fn crossed(of: Line, triangle: u32) -> vec4<f32> {
+fn crossed(way: Line, triangle: u32) -> vec4<f32> {
     let at = 2u * params.nodes + 6u * triangle;
-    let a = seen(of, place(at));
-    let b = seen(of, place(at + 1u));
-    let c = seen(of, place(at + 2u));
+    let a = seen(way, place(at));
+    let b = seen(way, place(at + 1u));
+    let c = seen(way, place(at + 2u));
     let first = vec3<f32>(b.x * c.y, c.x * a.y, a.x * b.y);
     let second = vec3<f32>(b.y * c.x, c.y * a.x, a.y * b.x);
     let edges = first - second;
@@ -118,7 +118,7 @@ fn place(record: u32) -> vec3<f32> {
 }
 
 // A point across and along the ray.
-fn seen(of: Line, point: vec3<f32>) -> vec3<f32> {
-    let p = point - of.origin;
-    return vec3<f32>(dot(p, of.u), dot(p, of.v), dot(p, of.direction));
+fn seen(way: Line, point: vec3<f32>) -> vec3<f32> {
+    let p = point - way.origin;
+    return vec3<f32>(dot(p, way.u), dot(p, way.v), dot(p, way.direction));
 }

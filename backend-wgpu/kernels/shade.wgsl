@@ -56,14 +56,14 @@ fn reflected(i: u32, d: vec3<f32>, hit: vec4<f32>, facet: vec4<f32>) -> vec3<f32
 
 // The share of light from `toward` that a material of this normal sends back along `d`, per steradian.
 fn material(number: u32, d: vec3<f32>, toward: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let of = materials[number];
+    let record = materials[number];
     let mirrored = 2.0 * dot(normal, toward) * normal - toward;
     let cosine = -dot(mirrored, d);
     var lobe = 0.0;
     if cosine > 0.0 {
-        lobe = (of.diffuse.w + 2.0) / (2.0 * PI) * pow(min(cosine, 1.0), of.diffuse.w);
+        lobe = (record.diffuse.w + 2.0) / (2.0 * PI) * pow(min(cosine, 1.0), record.diffuse.w);
     }
-    return of.diffuse.xyz / PI + lobe * of.specular.xyz;
+    return record.diffuse.xyz / PI + lobe * record.specular.xyz;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.

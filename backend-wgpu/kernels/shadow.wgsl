@@ -15,16 +15,16 @@ fn shadow(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
         i++;
     }
     let light = lights[i];
-    let of = face(light, number - u32(light.power.w), params.extent);
+    let plane = face(light, number - u32(light.power.w), params.extent);
     let x = (f32(texel % params.side) + 0.5) * (2.0 / f32(params.side)) - 1.0;
     let y = (f32(texel / params.side % params.side) + 0.5) * (2.0 / f32(params.side)) - 1.0;
-    let across = of.half_width * (x * of.right + y * of.up);
+    let across = plane.half_width * (x * plane.right + y * plane.up);
     var reach = FAR;
     if light.position.w == 0.0 {
-        let origin = across - params.extent * of.forward;
-        reach = nearest(line(origin, of.forward), 0.0, FAR, params.node_begin, params.node_end).distance;
+        let origin = across - params.extent * plane.forward;
+        reach = nearest(line(origin, plane.forward), 0.0, FAR, params.node_begin, params.node_end).distance;
     } else {
-        let toward = of.forward + across;
+        let toward = plane.forward + across;
         let size = length(toward);
         let way = line(light.position.xyz, toward / size);
         let least = MESH_MARGIN * params.extent;

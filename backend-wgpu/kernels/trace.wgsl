@@ -8,15 +8,15 @@ fn trace(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
     }
     let unit = launch.start + n;
     let out = 2u * (unit - launch.first);
-    let of = line(params.eye.xyz, view(unit));
+    let way = line(params.eye.xyz, view(unit));
     var limit = FAR;
     if params.node_begin > 0u {
         limit = min(hits[out].w, FAR);
     }
-    let hit = nearest(of, 0.0, limit, params.node_begin, params.node_end);
+    let hit = nearest(way, 0.0, limit, params.node_begin, params.node_end);
     if hit.distance < FAR {
         let at = 2u * params.nodes + 6u * hit.triangle;
-        let own = facet(of, at);
+        let own = facet(way, at);
         var normal = hit.weights.x * place(at + 3u) + hit.weights.y * place(at + 4u) + hit.weights.z * place(at + 5u);
         let size = length(normal);
         normal = select(own, normal / max(size, 1.2e-38), size > 0.0);
@@ -30,9 +30,9 @@ fn trace(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
 }
 
 // The normal of the triangle whose records begin at `at`, on the side that the ray comes from.
-fn facet(of: Line, at: u32) -> vec3<f32> {
+fn facet(way: Line, at: u32) -> vec3<f32> {
     let a = place(at);
     let across = cross(place(at + 1u) - a, place(at + 2u) - a);
     let own = across / max(length(across), 1.2e-38);
-    return select(own, -own, dot(own, of.direction) > 0.0);
+    return select(own, -own, dot(own, way.direction) > 0.0);
 }

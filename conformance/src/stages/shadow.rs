@@ -23,14 +23,14 @@ pub(crate) fn cases() -> Vec<Case> {
         Light::spot(from, to, Vec3::ONE, 8.0, cutoff).expect("a light")
     };
     let within = Light::point(DVec3::new(0.25, -0.15, 0.6), Vec3::ONE).expect("a light");
-    let far = Light::point(DVec3::new(300.0, 500.0, 200.0), Vec3::ONE).expect("a light");
+    let outside = Light::point(DVec3::new(3.0, 5.0, 2.0), Vec3::ONE).expect("a light");
     let sets = [
         ("directional", vec![sun()]),
         ("point", vec![lamp()]),
         ("narrow_spot", vec![spot(17.0)]),
         ("wide_spot", vec![spot(100.0)]),
         ("point_in_a_ball", vec![within]),
-        ("point_far_away", vec![far]),
+        ("point_outside", vec![outside]),
         ("several", vec![spot(30.0), lamp(), sun(), spot(90.0), sun()]),
     ];
     let made = |(name, lights): (&str, Vec<Light>)| {

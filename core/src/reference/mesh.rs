@@ -16,6 +16,9 @@ pub(super) struct Hit {
     pub(super) material: u32,
 }
 
+/// More than what rounding moves an edge by, as a part of a triangle.
+const EDGE: f64 = 1e-12;
+
 fn place(record: MeshRecord) -> DVec3 {
     record.xyz().as_dvec3()
 }
@@ -40,7 +43,8 @@ pub(super) fn nearest(
         let v = direction.cross(q).dot(s) / determinant;
         let w = s.cross(p).dot(direction) / determinant;
         let distance = s.cross(p).dot(q) / determinant;
-        let inside = v >= 0.0 && w >= 0.0 && v + w <= 1.0;
+        // An edge belongs to both of its sides.
+        let inside = v >= -EDGE && w >= -EDGE && v + w <= 1.0 + EDGE;
         if !inside || distance < least || distance >= found.as_ref().map_or(limit, |hit| hit.distance) {
             continue;
         }
