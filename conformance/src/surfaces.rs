@@ -67,7 +67,7 @@ fn fog(low: DVec3, high: DVec3, optics: Optics, surfaces: Mesh) -> Scene {
             origin: DVec3::new(1.1, 0.9, 1.3),
             target: DVec3::new(0.1, 0.0, -0.2),
             up: DVec3::Y,
-            fov: 50.0,
+            fov: 36.0,
             width: 27,
             height: 20,
             samples: 1,
@@ -234,7 +234,13 @@ fn places() -> Axis<Place> {
             place("a lamp on a wall", Arc::new(move |s| lamps(s, &[DVec3::new(0.0, 0.25, 0.3)]))),
             place("a lamp in a corner", Arc::new(move |s| lamps(s, &[DVec3::new(-0.4, -0.3, 0.1)]))),
             place("a lamp at a cell's centre, twice", Arc::new(move |s| lamps(s, &[center, center]))),
-            place("a lamp at the eye", Arc::new(move |s| lamps(s, &[s.camera.origin]))),
+            place(
+                "a lamp at the eye",
+                Arc::new(move |s| {
+                    let eye = s.camera.origin;
+                    lamps(s, &[eye]);
+                }),
+            ),
             place(
                 "a lamp in a ball",
                 Arc::new(move |s| {
