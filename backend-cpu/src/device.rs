@@ -173,6 +173,9 @@ impl Device for CpuDevice {
             Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
             Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory),
             Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
+            Stage::Trace(stage) => kernels::trace::run(stage, part, &mut memory, isa),
+            Stage::Shade(stage) => kernels::shade::run(stage, part, &mut memory, isa),
+            Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

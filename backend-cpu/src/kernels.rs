@@ -2,11 +2,14 @@
 //! functions of the same names in the same order.
 
 pub(crate) mod angle;
+pub(crate) mod face;
 pub(crate) mod field;
 pub(crate) mod harmonics;
 pub(crate) mod inject;
+pub(crate) mod light;
 pub(crate) mod march;
 pub(crate) mod maximum;
+pub(crate) mod mesh;
 pub(crate) mod noise;
 pub(crate) mod phase;
 pub(crate) mod project;
@@ -15,3 +18,7 @@ pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;
 pub(crate) mod segment;
+pub(crate) mod shade;
+pub(crate) mod shadow;
+pub(crate) mod trace;
+pub(crate) mod view;

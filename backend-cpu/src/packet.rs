@@ -215,6 +215,16 @@ impl M {
     }
 
     #[inline(always)]
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self(lanes!(i => self.0[i] | other.0[i]))
+    }
+
+    #[inline(always)]
+    pub(crate) fn not(self) -> Self {
+        Self(lanes!(i => !self.0[i]))
+    }
+
+    #[inline(always)]
     pub(crate) fn lane(self, i: usize) -> bool {
         self.0[i] != 0
     }

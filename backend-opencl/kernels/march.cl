@@ -11,15 +11,6 @@ typedef struct {
     float stopped_at;
 } Path;
 
-typedef struct {
-    // Unit direction toward the light.
-    float3 toward;
-    // Distance to it, metres.
-    float distance;
-    // What falloff and cone leave of its power.
-    float falloff;
-} Incident;
-
 // What the medium does to light at a point, per channel: extinction and scattering in 1/m, emission in W m^-3 sr^-1.
 typedef struct {
     float3 extinction;
@@ -35,10 +26,10 @@ uint4 blocks(const Bound *bound);
 float3 gathered(const Bound *bound, float3 at, const float *basis);
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
 float3 direct(const Bound *bound, float3 at, float3 direction, float t);
+float visibility(const Bound *bound, uint i, const Incident *light, float3 d, float t);
+float mapped(const Bound *bound, const LightRecord *record, const Incident *light, float3 at);
 float4 light_depths(const Bound *bound, float3 at, uint layer);
 Optics optics(const Bound *bound, float3 at, int3 size);
-float3 to_index(const Bound *bound, float3 d);
-Incident incident(const Bound *bound, uint i, float3 d, float t);
 float3 sky(const Bound *bound, float3 d);
 float3 sky_row(const Bound *bound, int i, int j, float f);
 float3 sky_texel(const Bound *bound, int n);
@@ -71,10 +62,6 @@ void run_march(const Bound *bound) {
         return;
     }
     size_t pixel = (size_t)y * width + x;
-    float limit = FAR;
-    if (has_surface) {
-        limit = fmin(bound->surface[pixel].w, FAR);
-    }
     float3 color = (float3)(0.0f);
     float3 transmitted = (float3)(0.0f);
     float stopped = 0.0f;
@@ -94,6 +81,12 @@ void run_march(const Bound *bound) {
         float b = 1.0f - (convert_float(y) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(height));
         float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
         float3 direction = toward / sqrt(dot(toward, toward));
+        float4 seen = (float4)(0.0f, 0.0f, 0.0f, FAR);
+        if (has_surface) {
+            uint each = bound->params->surface_samples;
+            seen = bound->surface[pixel * each + s % each];
+        }
+        float limit = fmin(seen.w, FAR);
         Path path = enter(bound, direction, limit);
         if (has_paths && bound->params->step_begin > 0u) {
             resume(bound, &path, pixel);
@@ -105,7 +98,7 @@ void run_march(const Bound *bound) {
         }
         float3 behind = (float3)(0.0f);
         if (limit < FAR) {
-            behind = bound->surface[pixel].xyz;
+            behind = seen.xyz;
         } else if (has_environment) {
             behind = sky(bound, direction);
         }
@@ -255,7 +248,11 @@ float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
         if (light.falloff <= 0.0f) {
             continue;
         }
-        float scale = phase(bound, dot(light.toward, direction)) * light.falloff;
+        float seen = visibility(bound, i, &light, direction, t);
+        if (seen <= 0.0f) {
+            continue;
+        }
+        float scale = phase(bound, dot(light.toward, direction)) * light.falloff * seen;
         float optical = depths.x;
         uint shadow = bound->params->shadow;
         if (shadow == SHADOW_MARCH || shadow == SHADOW_MEAN) {
@@ -265,6 +262,61 @@ float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
         }
         float3 transmittance = exp(-optical * bound->params->extinction.xyz);
         sum += scale * transmittance * bound->lights[i].power.xyz;
+    }
+    return sum;
+}
+
+// How much of light `i` passes by the surfaces, `t` metres along the view ray.
+float visibility(const Bound *bound, uint i, const Incident *light, float3 d, float t) {
+    float extent = bound->params->mesh_eye.w;
+    float3 at = bound->params->mesh_eye.xyz + t * d;
+    if (has_mesh && bound->params->surface_shadow == SURFACE_SHADOW_RAY) {
+        Line way = line(at, light->toward);
+        return blocked(bound, &way, light->distance - MESH_MARGIN * extent) ? 0.0f : 1.0f;
+    }
+    if (has_shadow_map && bound->params->surface_shadow == SURFACE_SHADOW_MAP) {
+        LightRecord record = bound->lights[i];
+        return mapped(bound, &record, light, at);
+    }
+    return 1.0f;
+}
+
+// The same by the light's map, at a point from the mesh's origin: four comparisons, interpolated.
+float mapped(const Bound *bound, const LightRecord *record, const Incident *light, float3 at) {
+    float3 v = at;
+    uint n = 0u;
+    if (record->position.w != 0.0f) {
+        v = -light->distance * light->toward;
+        if (record->cone.w == 0.0f) {
+            n = side_of(v);
+        }
+    }
+    float extent = bound->params->mesh_eye.w;
+    Face of = face(record, n, extent);
+    float depth = dot(v, of.forward);
+    float2 place = (float2)(dot(v, of.right), dot(v, of.up)) / of.half_width;
+    if (record->position.w != 0.0f) {
+        place /= max(depth, 1e-30f);
+    } else {
+        depth += extent;
+        if (max(fabs(place.x), fabs(place.y)) > 1.0f) {
+            return 1.0f;
+        }
+    }
+    uint side = bound->params->map_side;
+    float2 p = (place * 0.5f + 0.5f) * convert_float(side) - 0.5f;
+    p = fmin(fmax(p, (float2)(0.0f)), (float2)(convert_float(side) - 1.0f));
+    uint2 low = convert_uint2(p);
+    float2 f = p - convert_float2(low);
+    uint first = (convert_uint(record->power.w) + n) * side;
+    float sum = 0.0f;
+    for (uint k = 0u; k < 4u; k++) {
+        uint2 high = (uint2)(k & 1u, k >> 1u);
+        float across = high.x == 1u ? f.x : 1.0f - f.x;
+        float down = high.y == 1u ? f.y : 1.0f - f.y;
+        uint2 texel = min(low + high, (uint2)(side - 1u));
+        float held = bound->shadow_map[(size_t)(first + texel.y) * side + texel.x];
+        sum += depth <= held ? across * down : 0.0f;
     }
     return sum;
 }
@@ -296,38 +348,6 @@ Optics optics(const Bound *bound, float3 at, int3 size) {
     here.scattering = scatters * bound->params->extinction.xyz * bound->params->albedo.xyz;
     here.emission = source * bound->params->emission.xyz;
     return here;
-}
-
-// A direction of the world in voxels per metre.
-float3 to_index(const Bound *bound, float3 d) {
-    float3 x = bound->params->index_x.xyz;
-    float3 y = bound->params->index_y.xyz;
-    float3 z = bound->params->index_z.xyz;
-    return (float3)(dot(d, x), dot(d, y), dot(d, z));
-}
-
-// Light `i` at `t` metres along the view ray.
-Incident incident(const Bound *bound, uint i, float3 d, float t) {
-    LightRecord light = bound->lights[i];
-    Incident found;
-    if (light.position.w == 0.0f) {
-        found.toward = light.position.xyz;
-        found.distance = FAR;
-        found.falloff = 1.0f;
-        return found;
-    }
-    float3 v = light.position.xyz - t * d;
-    float square = dot(v, v);
-    found.distance = sqrt(square);
-    found.toward = v / max(found.distance, 1.2e-38f);
-    found.falloff = 1.0f / max(square, bound->params->light_floor);
-    if (light.cone.z == 1.0f) {
-        // A cone without a rim is a step at the cutoff.
-        float rim = max(light.cone.y - light.cone.x, 1e-6f);
-        float off_axis = angle_of_cosine(dot(-light.axis.xyz, found.toward));
-        found.falloff *= clamp((light.cone.y - off_axis) / rim, 0.0f, 1.0f);
-    }
-    return found;
 }
 
 // The environment's radiance from `d`.

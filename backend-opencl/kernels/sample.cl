@@ -1,8 +1,5 @@
 // Rays through the box of the medium.
 
-// Beyond every distance in a scene, and finite.
-#define FAR 3.0e38f
-
 // A ray in index space, cut into equal steps.
 typedef struct {
     // Origin in index space.

@@ -45,6 +45,10 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Harmonics => file!("harmonics.cl"),
         Helper::Segment => file!("segment.cl"),
         Helper::Noise => file!("noise.cl"),
+        Helper::View => file!("view.cl"),
+        Helper::Light => file!("light.cl"),
+        Helper::Mesh => file!("mesh.cl"),
+        Helper::Face => file!("face.cl"),
     }
 }
 
@@ -68,6 +72,9 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Relight(_) => (file!("relight.cl"), 1),
         Stage::March(_) => (file!("march.cl"), March::BLOCK * March::BLOCK),
         Stage::Inject(_) => (file!("inject.cl"), Inject::BRICK * Inject::BRICK),
+        Stage::Trace(_) => (file!("trace.cl"), 1),
+        Stage::Shade(_) => (file!("shade.cl"), 1),
+        Stage::Shadow(_) => (file!("shadow.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

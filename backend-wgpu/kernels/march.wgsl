@@ -38,10 +38,6 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.width + x;
-    var limit = FAR;
-    if has_surface {
-        limit = min(surface[pixel].w, FAR);
-    }
     var color = vec3<f32>(0.0);
     var transmitted = vec3<f32>(0.0);
     var stopped = 0.0;
@@ -61,6 +57,11 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         let b = 1.0 - (f32(y) + tables[2u * s + 1u]) * (2.0 / f32(params.height));
         let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
         let direction = toward / length(toward);
+        var seen = vec4<f32>(0.0, 0.0, 0.0, FAR);
+        if has_surface {
+            seen = surface[pixel * params.surface_samples + s % params.surface_samples];
+        }
+        let limit = min(seen.w, FAR);
         var path = enter(direction, limit);
         if has_paths && params.step_begin > 0u {
             resume(&path, pixel);
@@ -72,7 +73,7 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         }
         var behind = vec3<f32>(0.0);
         if limit < FAR {
-            behind = surface[pixel].xyz;
+            behind = seen.xyz;
         } else if has_environment {
             behind = sky(direction);
         }
@@ -211,7 +212,11 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
         if light.falloff <= 0.0 {
             continue;
         }
-        let scale = phase(dot(light.toward, direction)) * light.falloff;
+        let seen = visibility(record, light, direction, t);
+        if seen <= 0.0 {
+            continue;
+        }
+        let scale = phase(dot(light.toward, direction)) * light.falloff * seen;
         var optical = depths[i % 4u];
         if params.shadow == SHADOW_MARCH || params.shadow == SHADOW_MEAN {
             let size = vec3<f32>(params.dims.xyz);
@@ -224,6 +229,58 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
         }
         let transmittance = exp(-optical * params.extinction.xyz);
         sum += scale * transmittance * record.power.xyz;
+    }
+    return sum;
+}
+
+// How much of the light passes by the surfaces, `t` metres along the view ray.
+fn visibility(record: LightRecord, light: Incident, d: vec3<f32>, t: f32) -> f32 {
+    let extent = params.mesh_eye.w;
+    let at = params.mesh_eye.xyz + t * d;
+    if has_mesh && params.surface_shadow == SURFACE_SHADOW_RAY {
+        let free = light.distance - MESH_MARGIN * extent;
+        return select(1.0, 0.0, blocked(line(at, light.toward), free));
+    }
+    if has_shadow_map && params.surface_shadow == SURFACE_SHADOW_MAP {
+        return mapped(record, light, at);
+    }
+    return 1.0;
+}
+
+// The same by the light's map, at a point from the mesh's origin: four comparisons, interpolated.
+fn mapped(record: LightRecord, light: Incident, at: vec3<f32>) -> f32 {
+    var v = at;
+    var n = 0u;
+    if record.position.w != 0.0 {
+        v = -light.distance * light.toward;
+        if record.cone.w == 0.0 {
+            n = side_of(v);
+        }
+    }
+    let extent = params.mesh_eye.w;
+    let plane = face(record, n, extent);
+    var depth = dot(v, plane.forward);
+    var place = vec2<f32>(dot(v, plane.right), dot(v, plane.up)) / plane.half_width;
+    if record.position.w != 0.0 {
+        place /= max(depth, 1e-30);
+    } else {
+        depth += extent;
+        if max(abs(place.x), abs(place.y)) > 1.0 {
+            return 1.0;
+        }
+    }
+    let last = f32(params.map_side) - 1.0;
+    let p = clamp((place * 0.5 + 0.5) * f32(params.map_side) - 0.5, vec2<f32>(0.0), vec2<f32>(last));
+    let low = vec2<u32>(p);
+    let f = p - vec2<f32>(low);
+    let first = (u32(record.power.w) + n) * params.map_side;
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let high = vec2<u32>(k & 1u, k >> 1u);
+        let weights = select(1.0 - f, f, high == vec2<u32>(1u));
+        let texel = min(low + high, vec2<u32>(params.map_side - 1u));
+        let held = shadow_map[(first + texel.y) * params.map_side + texel.x];
+        sum += select(0.0, weights.x * weights.y, depth <= held);
     }
     return sum;
 }
@@ -259,39 +316,6 @@ fn optics(at: vec3<f32>, size: vec3<i32>) -> Optics {
     }
     let scattering = scatters * params.extinction.xyz * params.albedo.xyz;
     return Optics(density * params.extinction.xyz, scattering, source * params.emission.xyz);
-}
-
-// A direction of the world in voxels per metre.
-fn to_index(d: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(dot(d, params.index_x.xyz), dot(d, params.index_y.xyz), dot(d, params.index_z.xyz));
-}
-
-struct Incident {
-    // Unit direction toward the light.
-    toward: vec3<f32>,
-    // Distance to it, metres.
-    distance: f32,
-    // What falloff and cone leave of its power.
-    falloff: f32,
-}
-
-// The light `t` metres along the view ray.
-fn incident(light: LightRecord, d: vec3<f32>, t: f32) -> Incident {
-    if light.position.w == 0.0 {
-        return Incident(light.position.xyz, FAR, 1.0);
-    }
-    let v = light.position.xyz - t * d;
-    let square = dot(v, v);
-    let distance = sqrt(square);
-    let toward = v / max(distance, 1.2e-38);
-    var falloff = 1.0 / max(square, params.light_floor);
-    if light.cone.z == 1.0 {
-        // A cone without a rim is a step at the cutoff.
-        let rim = max(light.cone.y - light.cone.x, 1e-6);
-        let angle = angle_of_cosine(dot(-light.axis.xyz, toward));
-        falloff *= clamp((light.cone.y - angle) / rim, 0.0, 1.0);
-    }
-    return Incident(toward, distance, falloff);
 }
 
 // The environment's radiance from `d`.

@@ -1,8 +1,5 @@
 // Rays through the box of the medium.
 
-// Beyond every distance in a scene, and finite: WGSL does not promise infinities.
-const FAR: f32 = 3.0e38;
-
 // A ray in index space, cut into equal steps.
 struct Ray {
     // Origin in index space.

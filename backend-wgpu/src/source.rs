@@ -63,6 +63,10 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Harmonics => file!("harmonics.wgsl"),
         Helper::Segment => file!("segment.wgsl"),
         Helper::Noise => file!("noise.wgsl"),
+        Helper::View => file!("view.wgsl"),
+        Helper::Light => file!("light.wgsl"),
+        Helper::Mesh => file!("mesh.wgsl"),
+        Helper::Face => file!("face.wgsl"),
     }
 }
 
@@ -86,6 +90,9 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Relight(_) => (file!("relight.wgsl"), 64),
         Stage::March(_) => (file!("march.wgsl"), 1),
         Stage::Inject(_) => (file!("inject.wgsl"), 1),
+        Stage::Trace(_) => (file!("trace.wgsl"), 64),
+        Stage::Shade(_) => (file!("shade.wgsl"), 64),
+        Stage::Shadow(_) => (file!("shadow.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

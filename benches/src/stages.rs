@@ -6,11 +6,12 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Lattice, Medium};
 use airlight::random::{hash, unit};
-use airlight::scene::Camera;
+use airlight::scene::{Camera, Material, Mesh, Triangle};
 use airlight::stage::propagate::{self, scheme};
 use airlight::stage::{
-    BlobRecord, GridParams, Inject, InjectParams, LightPlace, March, MarchParams, Project, ProjectParams, Propagate,
-    PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Stage, inject_kind, shadow_kind,
+    BlobRecord, GridParams, Inject, InjectParams, LightPlace, LightRecord, March, MarchParams, MaterialRecord, Project,
+    ProjectParams, Propagate, PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Shade, ShadeParams,
+    Shadow, ShadowParams, Stage, Trace, TraceParams, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -25,7 +26,8 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 6] = ["inject", "reduce", "project", "propagate", "relight", "march"];
+pub const STAGES: [&str; 9] =
+    ["inject", "reduce", "project", "propagate", "relight", "march", "trace", "shade", "shadow"];
 
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
@@ -146,6 +148,9 @@ impl Rig {
             "propagate" => (self.propagate(), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
+            "trace" => (self.trace(view).map(|(trace, rays)| (Stage::Trace(trace), rays)), "rays"),
+            "shade" => (self.shade(view), "hits"),
+            "shadow" => (self.shadow(), "texels"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
@@ -284,7 +289,7 @@ impl Rig {
         params.eye = four(lattice().world_to_index().transform_point3(camera.origin));
         [params.forward, params.right, params.up] = camera.axes().map(four);
         (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
-        (params.sample_end, params.step_end) = (1, March::ALL_STEPS);
+        (params.sample_end, params.step_end, params.surface_samples) = (1, March::ALL_STEPS, 1);
         params.extinction = [EXTINCTION; 4];
         (params.step, params.cut, params.shadow) = (lattice().shortest_edge() as f32, March::CUT, shadow_kind::NONE);
         let stage = March {
@@ -300,11 +305,103 @@ impl Rig {
             tables: self.fill(&[0.5f32, 0.5])?,
             environment: None,
             surface: None,
+            mesh: None,
+            shadow_map: None,
             paths: None,
             film: self.make(2 * view.rays.len() as u64, Usage::Output)?,
         };
         Ok((Stage::March(stage), view.samples()))
     }
+
+    /// `trace` of a wavy floor. Its elements are the view rays.
+    fn trace(&mut self, view: &View) -> Result<(Trace, u64), DeviceError> {
+        let (mesh, camera) = (waves(64), &view.camera);
+        let hierarchy = mesh.hierarchy().expect("the floor has triangles");
+        let mut params = TraceParams::zeroed();
+        params.eye = four(camera.origin - hierarchy.origin());
+        [params.forward, params.right, params.up] = camera.axes().map(four);
+        (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
+        (params.nodes, params.node_end) = (hierarchy.nodes(), hierarchy.nodes());
+        let rays = view.rays.len() as u64;
+        let (tables, mesh) = (self.fill(&[0.5f32, 0.5])?, self.fill(hierarchy.records())?);
+        Ok((Trace { params, tables, mesh, hits: self.make(2 * rays, Usage::Work)? }, rays))
+    }
+
+    /// `shade` of the same floor under a lamp, its hits from `trace`. Its elements are the view rays.
+    fn shade(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+        let (trace, rays) = self.trace(view)?;
+        let (mesh, camera, grid) = (waves(64), &view.camera, GridParams::new(&lattice()));
+        let hierarchy = mesh.hierarchy().expect("the floor has triangles");
+        let mut params = ShadeParams::zeroed();
+        params.dims = grid.dims;
+        [params.index_x, params.index_y, params.index_z] = grid.index;
+        params.eye = four(lattice().world_to_index().transform_point3(camera.origin));
+        params.mesh_eye = (camera.origin - hierarchy.origin()).as_vec3().extend(hierarchy.extent()).to_array();
+        (params.forward, params.right, params.up) = (trace.params.forward, trace.params.right, trace.params.up);
+        params.extinction = [EXTINCTION; 4];
+        (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
+        (params.lights, params.light_end, params.materials, params.visibility) = (1, 1, 1, 1);
+        (params.nodes, params.step) = (hierarchy.nodes(), lattice().shortest_edge() as f32);
+        params.light_floor = 1e-6;
+        let stage = Shade {
+            params,
+            density: self.density,
+            occupancy: None,
+            lights: Some(self.fill(&LightRecord::of(&[lamp()], camera.origin))?),
+            tables: trace.tables,
+            mesh: trace.mesh,
+            materials: self.fill(&[MaterialRecord::new(&mesh.materials()[0])])?,
+            hits: trace.hits,
+            background: None,
+            out: self.make(rays, Usage::Output)?,
+        };
+        self.run(&Stage::Trace(trace))?;
+        Ok((Stage::Shade(stage), rays))
+    }
+
+    /// `shadow` of the same floor under a lamp. Its elements are the texels.
+    fn shadow(&mut self) -> Result<(Stage, u64), DeviceError> {
+        const SIDE: u32 = 128;
+        let mesh = waves(64);
+        let hierarchy = mesh.hierarchy().expect("the floor has triangles");
+        let texels = u64::from(6 * SIDE * SIDE);
+        let stage = Shadow {
+            params: ShadowParams {
+                lights: 1,
+                faces: 6,
+                side: SIDE,
+                nodes: hierarchy.nodes(),
+                node_begin: 0,
+                node_end: hierarchy.nodes(),
+                extent: hierarchy.extent(),
+                unused: 0,
+            },
+            lights: self.fill(&LightRecord::of(&[lamp()], hierarchy.origin()))?,
+            mesh: self.fill(hierarchy.records())?,
+            out: self.make(texels, Usage::Work)?,
+        };
+        Ok((Stage::Shadow(stage), texels))
+    }
+}
+
+fn lamp() -> Light {
+    Light::Point { position: DVec3::new(0.3, 1.5, 0.4), intensity: Vec3::ONE }
+}
+
+/// A floor of 2 n² triangles under the medium.
+fn waves(n: u32) -> Mesh {
+    let at = |i: u32, j: u32| {
+        let (u, v) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+        DVec3::new(3.0 * u - 1.5, 0.1 * (9.0 * u + 14.0 * v).sin(), 3.0 * v - 1.5)
+    };
+    let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| at(i, j))).collect();
+    let corner = |i: u32, j: u32| j * (n + 1) + i;
+    let triangles = (0..n * n).flat_map(|k| {
+        let (i, j) = (k % n, k / n);
+        let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i, j + 1), corner(i + 1, j + 1)];
+        [[a, b, c], [b, d, c]].map(|vertices| Triangle { vertices, material: 0 })
+    });
+    Mesh::new(positions, vec![], triangles.collect(), vec![Material::default()]).expect("a floor")
 }
 
 /// So many Gaussians, a cube number, on a jittered grid that fills a unit cube of `cells` a side: each is as wide as the

@@ -106,7 +106,7 @@ pub(crate) fn cases() -> Vec<Case> {
 
 /// Where the medium's own shadow comes from.
 fn shadows() -> Axis<LightsEstimate> {
-    let marched = LightsEstimate::Direct(Direct { shadow: Shadow::March });
+    let marched = LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() });
     let propagated = LightsEstimate::Opacity(Opacity { cells: 9, ..Opacity::default() });
     Axis::new("shadow", [("marched", marched), ("propagated", propagated)])
 }

@@ -99,7 +99,7 @@ impl Lit {
     pub fn measure(&self, subject: &Subject, scheme: Scheme, cells: u32) -> Result<Found, Failed> {
         let (lattice, grid) = (&self.lattice, GridParams::new(&self.lattice));
         let dims = lattice.dims();
-        let options = Opacity { cells, scheme };
+        let options = Opacity { cells, scheme, ..Opacity::default() };
         let cells = options.grid(lattice.edges() * dims.as_dvec3());
         let number = scheme.number();
         let to_world = lattice.index_to_world();

@@ -208,7 +208,7 @@ fn three_lights() -> Result<Scene, Failed> {
 
 fn direct(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = three_lights()?;
-    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
     let film = subject.renderer()?.render(&scene)?.film;
     let truth = BruteForce::new(&scene, &SETTINGS);
     let Sparse { found, expected } = against(&truth, &film);
@@ -245,7 +245,7 @@ fn unshadowed(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     scene.lights = vec![Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::splat(4.0 * std::f32::consts::PI))?];
     let mut renderer = subject.renderer()?;
     let shadowed = renderer.render(&scene)?.film;
-    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None }));
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None, ..Direct::default() }));
     let film = renderer.render(&scene)?.film;
     let pairs = film.beauty.iter().zip(&shadowed.beauty).filter(|(a, _)| a[3] > 1e-3);
     let darker = pairs.clone().filter(|(a, b)| (0..3).any(|c| a[c] < b[c])).count();
@@ -312,7 +312,7 @@ fn emission(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 fn varying_lights(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut scene = three_lights()?;
     scene.medium = Arc::new(varied(Map::Sheared, DIMS));
-    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
     let film = subject.renderer()?.render(&scene)?.film;
     let truth = BruteForce::new(&scene, &SETTINGS);
     let Sparse { found, expected } = against(&truth, &film);

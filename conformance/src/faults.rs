@@ -17,13 +17,13 @@ use airlight::exec::{ExecError, Hooks, RenderError};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Phase};
-use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene};
+use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene, SurfaceShadow};
 use airlight::stage::{Relight, RelightParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use crate::bench::Bench;
-use crate::fixtures::{DIMS, Map, cloud, grey, sky};
+use crate::fixtures::{DIMS, Map, cloud, grey, room, sky};
 use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -103,7 +103,9 @@ fn scene() -> Scene {
     let blobs = vec![blob(0.1, 0.0, 0.2), blob(-0.2, 0.1, 0.0), blob(0.2, -0.2, 0.3)];
     scene.medium = Arc::new(Gaussians::new(blobs, Map::Plain.lattice(DIMS)).expect("Gaussians"));
     scene.lights = vec![Light::directional(DVec3::new(-0.4, 0.8, 0.3), Vec3::ONE).expect("a light")];
-    scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, ..Opacity::default() }));
+    let surface_shadow = SurfaceShadow::Map(9);
+    scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, surface_shadow, ..Opacity::default() }));
+    scene.surfaces = Some(Arc::new(room()));
     scene
 }
 
@@ -476,7 +478,7 @@ fn moved(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         thread::scope(|scope| scope.spawn(|| -> Result<_, Failed> { Ok((renderer.render(&seen)?, renderer)) }).join());
     let (rendered, mut renderer) = rendered.unwrap_or_else(|_| Err("the other thread panicked".into()))?;
     let ran = rendered.report.ran();
-    check!(ran == ["march"], "on another thread {ran:?} ran again");
+    check!(ran == ["trace", "shade", "march"], "on another thread {ran:?} ran again");
     same(record, "on another thread", &rendered.film, &undisturbed(subject, &seen)?);
     let again = renderer.render(&seen)?;
     check!(again.report.ran().is_empty(), "back again {:?} ran", again.report.ran());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Image};
 use airlight::media::{Grid, GridMedium, Lattice, Optics, Phase, PhaseTable};
-use airlight::scene::{Camera, Estimate, Quality, Scene};
+use airlight::scene::{Camera, Estimate, Material, Mesh, Quality, Scene, Triangle};
 
 /// The dimensions of most small fields.
 pub(crate) const DIMS: UVec3 = UVec3::new(7, 5, 9);
@@ -162,4 +162,53 @@ pub(crate) fn cloud(map: Map, dims: UVec3, optics: Optics) -> Scene {
         estimate: Estimate::default(),
         quality: Quality::default(),
     }
+}
+
+/// A surface of two facets: a parallelogram with this corner and these edges.
+pub(crate) fn wall(corner: DVec3, right: DVec3, up: DVec3, material: Material) -> Mesh {
+    let positions = vec![corner, corner + right, corner + up, corner + right + up];
+    let triangles = [[0, 1, 2], [1, 3, 2]].map(|vertices| Triangle { vertices, material: 0 });
+    Mesh::new(positions, vec![], triangles.to_vec(), vec![material]).expect("two triangles")
+}
+
+/// A ball of 8·n² facets that looks smooth.
+pub(crate) fn ball(center: DVec3, radius: f64, n: u32, material: Material) -> Mesh {
+    let (mut normals, mut triangles) = (Vec::new(), Vec::new());
+    for octant in 0..8 {
+        let sign = |a: u32| if octant >> a & 1 == 1 { -1.0 } else { 1.0 };
+        let at = |i: u32, j: u32| DVec3::new(f64::from(i), f64::from(j), f64::from(n - i - j));
+        let mut corner = |i: u32, j: u32| {
+            normals.push((at(i, j) * DVec3::new(sign(0), sign(1), sign(2))).normalize());
+            normals.len() as u32 - 1
+        };
+        for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
+            triangles.push([corner(i, j), corner(i + 1, j), corner(i, j + 1)]);
+            if i + j + 2 <= n {
+                triangles.push([corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]);
+            }
+        }
+    }
+    let positions = normals.iter().map(|&n| center + radius * n).collect();
+    let normals = normals.iter().map(|n| n.as_vec3()).collect();
+    let triangles = triangles.into_iter().map(|vertices| Triangle { vertices, material: 0 }).collect();
+    Mesh::new(positions, normals, triangles, vec![material]).expect("a ball")
+}
+
+/// Walls and a ball in and around the boxes of [`Map::lattice`], of materials that differ.
+pub(crate) fn room() -> Mesh {
+    let material = |diffuse: [f32; 3], specular: f32, shininess: f32| Material {
+        diffuse: Vec3::from(diffuse),
+        specular: Vec3::splat(specular),
+        shininess,
+    };
+    let v = DVec3::new;
+    let floor = material([0.6, 0.7, 0.5], 0.0, 1.0);
+    let slanted = material([0.8, 0.2, 0.1], 0.1, 3.0);
+    let glossy = material([0.1, 0.3, 0.7], 0.5, 20.0);
+    Mesh::joined(&[
+        wall(v(-1.3, -0.52, -1.1), v(0.1, 0.03, 2.9), v(3.2, -0.05, 0.2), floor),
+        wall(v(-0.4, -0.3, 0.1), v(0.5, 0.1, -0.3), v(0.1, 0.6, 0.2), slanted),
+        ball(v(0.25, -0.15, 0.6), 0.22, 3, glossy),
+    ])
+    .expect("some triangles")
 }

@@ -10,10 +10,11 @@ use airlight::light::Light;
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Records, Scene, Shadow,
+    SurfaceShadow,
 };
 use libtest_mimic::Failed;
 
-use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, sky, varied};
+use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, room, sky, varied};
 use crate::limits::sizes;
 use crate::{Axis, Case, Record, Subject, rgb, tolerance};
 
@@ -169,8 +170,15 @@ fn scenes() -> Axis<Scene> {
     scenes.push(("albedo, absorption and heat that vary", varying));
     let mut unshadowed = with_lights(lit(grey(Phase::Rayleigh), records(radiance, 1)));
     (unshadowed.environment, unshadowed.estimate.environment) = (None, None);
-    unshadowed.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None }));
+    unshadowed.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::None, ..Direct::default() }));
     scenes.push(("lights alone, without shadow", unshadowed));
+    let mut surfaces = with_lights(lit(chromatic(hg()), records(radiance, 2)));
+    surfaces.surfaces = Some(Arc::new(room()));
+    let by = |surface_shadow| Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, surface_shadow }));
+    surfaces.estimate.lights = by(SurfaceShadow::Ray);
+    scenes.push(("surfaces", surfaces.clone()));
+    surfaces.estimate.lights = by(SurfaceShadow::Map(24));
+    scenes.push(("surfaces with maps", surfaces));
     Axis::new("scene", scenes)
 }
 
@@ -202,6 +210,6 @@ fn with_lights(mut scene: Scene) -> Scene {
         Light::spot(DVec3::new(-0.5, 1.2, 0.6), DVec3::new(0.1, 0.0, 0.2), Vec3::splat(1.5), 10.0, 30.0)
             .expect("a light"),
     ];
-    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
     scene
 }

@@ -5,10 +5,12 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Medium, Phase};
-use airlight::scene::{Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow};
+use airlight::scene::{
+    Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow, SurfaceShadow,
+};
 use libtest_mimic::Failed;
 
-use crate::fixtures::{DIMS, Map, cloud, grey, sky};
+use crate::fixtures::{DIMS, Map, cloud, grey, room, sky};
 use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -26,11 +28,12 @@ pub(crate) fn cases() -> Vec<Case> {
     let mut unlit = scene(Content::Radiance);
     unlit.environment = None;
     unlit.lights = vec![sun()];
-    unlit.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March }));
+    unlit.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
     cases.push(case("direct", unlit.clone(), lights(&["march"], &["reduce", "march"])));
     unlit.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, ..Opacity::default() }));
     cases.push(case("opacity", unlit.clone(), lights(&["propagate", "march"], &["propagate", "reduce", "march"])));
-    unlit.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 5, scheme: Scheme::Published }));
+    unlit.estimate.lights =
+        Some(LightsEstimate::Opacity(Opacity { cells: 5, scheme: Scheme::Published, ..Opacity::default() }));
     cases.push(case(
         "opacity_published",
         unlit,
@@ -51,6 +54,7 @@ pub(crate) fn cases() -> Vec<Case> {
         glowing,
         fields(&base, &["march"], &["propagate", "reduce", "march"]),
     ));
+    cases.push(case("surfaces", surfaces(), of_surfaces()));
     cases.push(case("optics_and_picture", scene(Content::Transmittance), optics()).at("content", "transmittance"));
     cases
 }
@@ -240,6 +244,38 @@ fn fields(base: &GridMedium, heat: &'static [&'static str], absorption: &'static
         to("another temperature", white, heat),
         to("one more albedo", colder, &["march"]),
         to("an absorption", black, absorption),
+    ])
+}
+
+/// A lit cloud with surfaces.
+fn surfaces() -> Scene {
+    let mut scene = scene(Content::Radiance);
+    scene.environment = None;
+    scene.estimate.environment = None;
+    scene.lights = vec![sun()];
+    scene.surfaces = Some(Arc::new(room()));
+    let direct = Direct { shadow: Shadow::March, surface_shadow: SurfaceShadow::Map(16) };
+    scene.estimate.lights = Some(LightsEstimate::Direct(direct));
+    scene
+}
+
+/// Table 1 of Giroud and Biri, with surfaces.
+fn of_surfaces() -> Axis<Change> {
+    let lamp = |color: Vec3| vec![Light::point(DVec3::new(0.5, 1.0, 0.3), color).expect("a light")];
+    let direct = |surface_shadow| Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, surface_shadow }));
+    changes([
+        change("nothing", |_| (), &[]),
+        change("the light's place", move |s| s.lights = lamp(Vec3::ONE), &["shadow", "shade", "march"]),
+        change("the light's color", move |s| s.lights = lamp(Vec3::X), &["shade", "march"]),
+        change("the eye's place", |s| s.camera.origin += DVec3::new(0.1, 0.2, -0.1), &["trace", "shade", "march"]),
+        change(
+            "the medium",
+            |s| s.medium = cloud(Map::Plain, DIMS, grey(Phase::Isotropic)).medium,
+            &["reduce", "shade", "march"],
+        ),
+        change("albedo", |s| s.optics.albedo = Vec3::splat(0.3), &["march"]),
+        change("the surfaces", |s| s.surfaces = Some(Arc::new(room())), &["shadow", "trace", "shade", "march"]),
+        change("rays for maps", move |s| s.estimate.lights = direct(SurfaceShadow::Ray), &["march"]),
     ])
 }
 

@@ -38,6 +38,7 @@ mod report;
 mod sidecar;
 mod stages;
 mod suite;
+mod surfaces;
 pub mod tolerance;
 mod truth;
 
@@ -131,6 +132,7 @@ pub fn cases() -> Vec<Case> {
         stages::cases(),
         closed::cases(),
         columns::cases(),
+        surfaces::cases(),
         frames::cases(),
         estimators::cases(),
         keys::cases(),

@@ -205,7 +205,7 @@ impl Layered {
         params.cells = [dims[0], dims[1], dims[2], spec.layers];
         params.cells_per_voxel = [dims[0] as f32 / 8.0, dims[1] as f32 / 6.0, dims[2] as f32 / 10.0, 0.0];
         (params.width, params.height, params.samples) = (19, 11, 1);
-        (params.sample_end, params.step_end) = (1, March::ALL_STEPS);
+        (params.sample_end, params.step_end, params.surface_samples) = (1, March::ALL_STEPS, 1);
         (params.step, params.cut) = (0.1, March::CUT);
         (params.bands, params.trilinear, params.harmonics_at) = (bands, 1, 2);
         let tables = [0.5, 0.5].into_iter().chain(recurrence_table(bands)).collect();
@@ -227,6 +227,8 @@ impl Layered {
             tables: &self.tables,
             environment: None,
             surface: None,
+            mesh: &[],
+            shadow_map: &[],
         };
         let film = reference::march(&self.params, &inputs);
         film.chunks_exact(8).flat_map(|pixel| pixel[..4].to_vec()).collect()
@@ -256,6 +258,8 @@ impl Layered {
             tables: bench.buf(&self.tables)?,
             environment: None,
             surface: None,
+            mesh: None,
+            shadow_map: None,
             paths: None,
             film: bench.room(2 * 19 * 11, Usage::Output)?,
         }))

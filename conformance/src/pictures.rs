@@ -307,7 +307,7 @@ fn lit() -> Vec<Picture> {
             }),
         };
     let direct = |name, file, light: Make, change: fn(&mut Scene)| {
-        let lights = LightsEstimate::Direct(Direct { shadow: Shadow::March });
+        let lights = LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() });
         shadowed(name, file, "direct, shadow march, step ½ voxel".into(), lights, light, change)
     };
     let opacity = |name, file, cells: u32, light: Make, change: fn(&mut Scene)| Picture {
@@ -339,7 +339,7 @@ fn lit() -> Vec<Picture> {
                 "propagated_spot",
                 "spot_single.exr",
                 "direct, shadow propagated (64 cells), step ½ voxel".into(),
-                LightsEstimate::Direct(Direct { shadow: Shadow::Propagated }),
+                LightsEstimate::Direct(Direct { shadow: Shadow::Propagated, ..Direct::default() }),
                 spot,
                 |_| (),
             )

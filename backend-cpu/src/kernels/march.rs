@@ -4,12 +4,15 @@ use std::f32::consts::PI;
 use std::ops::Range;
 
 use airlight_core::device::DeviceError;
-use airlight_core::stage::{LightRecord, March, MarchParams, shadow_kind};
+use airlight_core::stage::{LightRecord, March, MarchParams, MeshRecord, shadow_kind, surface_shadow};
 use rayon::prelude::*;
 
 use super::angle::{angle, angle_of_cosine};
+use super::face::{face, side_of};
 use super::field::{Colors, Place, Scalars};
 use super::harmonics::{self, harmonics};
+use super::light::{Incident, incident, to_index};
+use super::mesh::{Mesh, line};
 use super::phase::{Phase, phase};
 use super::sample::{Occupancy, Ray};
 use super::segment::segment;
@@ -36,6 +39,8 @@ struct Inputs<'a> {
     tables: &'a [f32],
     environment: &'a [[f32; 4]],
     surface: &'a [[f32; 4]],
+    mesh: Mesh<'a>,
+    shadow_map: &'a [f32],
     grey: bool,
 }
 
@@ -92,6 +97,8 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
             None => &[],
         },
         surface: read.opt(stage.surface)?,
+        mesh: Mesh::new(read.opt(stage.mesh)?, p.nodes),
+        shadow_map: read.opt(stage.shadow_map)?,
         grey: p.extinction[0] == p.extinction[1] && p.extinction[1] == p.extinction[2],
     };
     let mut out = out.into_iter().map(bytemuck::cast_slice_mut::<u8, Kept>);
@@ -198,9 +205,8 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         let (x, y) = (corner[0] + i % SIDE, corner[1] + i / SIDE);
         y.min(p.height as usize - 1) * p.width as usize + x.min(p.width as usize - 1)
     };
-    let surface = (!inputs.surface.is_empty())
-        .then(|| -> [F; 4] { [0, 1, 2, 3].map(|c| F(lanes!(i => inputs.surface[pixel(i)][c]))) });
-    let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
+    let each = p.surface_samples as usize;
+    let seen = |s: usize, c: usize| F(lanes!(i => inputs.surface[pixel(i) * each + s % each][c]));
     let (mut color, mut through) = ([F::ZERO; 3], [F::ZERO; 3]);
     let (mut stopped, mut stopped_at) = (F::ZERO, F::ZERO);
     if p.sample_begin > 0 {
@@ -215,6 +221,8 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         let d = triple!(c => a * p.right[c] + b * p.up[c] + p.forward[c]);
         let length = dot(d, d).sqrt();
         let d = triple!(c => d[c] / length);
+        let surface = (!inputs.surface.is_empty()).then(|| [seen(s, 0), seen(s, 1), seen(s, 2), seen(s, 3)]);
+        let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
         let mut path = Path::enter(inputs, d, limit);
         if p.step_begin > 0 {
             path.resume(&out.path);
@@ -263,7 +271,7 @@ impl Path {
     #[inline(always)]
     fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F) -> Self {
         let p = inputs.p;
-        let index = to_index(p, d);
+        let index = to_index(rows(p), d);
         let origin = triple!(a => F::splat(p.eye[a]));
         let mut basis = [F::ZERO; harmonics::MAX];
         if p.cells[3] > 1 {
@@ -341,6 +349,12 @@ impl Path {
     }
 }
 
+/// The rows of the map from metres to voxels.
+#[inline(always)]
+fn rows(p: &MarchParams) -> [[f32; 4]; 3] {
+    [p.index_x, p.index_y, p.index_z]
+}
+
 /// J from the field of in-scattered radiance, added to `light`.
 #[inline(always)]
 fn gathered(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense: M, light: &mut [F; 3]) {
@@ -376,15 +390,21 @@ fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, li
         if n % 4 == 0 {
             depths = light_depths(inputs, at, dense, n / 4);
         }
-        let (toward, distance, falloff) = incident(p, record, direction, t);
+        let light_at = incident(record, p.light_floor, direction, t);
+        let Incident { toward, distance, falloff } = light_at;
         let lit = dense.and(falloff.gt(F::ZERO));
         if !lit.any() {
             continue;
         }
-        let scale = lit.select(phase(&inputs.phase, dot(toward, direction)) * falloff, F::ZERO);
+        let seen = visibility(inputs, record, &light_at, direction, t, lit);
+        let lit = lit.and(seen.gt(F::ZERO));
+        if !lit.any() {
+            continue;
+        }
+        let scale = lit.select(phase(&inputs.phase, dot(toward, direction)) * falloff * seen, F::ZERO);
         let mut column = depths[n % 4];
         if p.shadow == shadow_kind::MARCH || p.shadow == shadow_kind::MEAN {
-            let ray = Ray::through(at, to_index(p, toward), inputs.density.size(), distance, p.step);
+            let ray = Ray::through(at, to_index(rows(p), toward), inputs.density.size(), distance, p.step);
             column = if p.shadow == shadow_kind::MARCH {
                 ray.column(inputs.density, inputs.occupancy, lit)
             } else {
@@ -399,6 +419,65 @@ fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, li
             light[c] = light[c] + scale * transmittance * record.power[c];
         }
     }
+}
+
+/// How much of the light passes by the surfaces, `t` metres along the view ray.
+#[inline(always)]
+fn visibility(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident, d: [F; 3], t: F, lit: M) -> F {
+    let p = inputs.p;
+    let extent = p.mesh_eye[3];
+    let at = triple!(a => t * d[a] + p.mesh_eye[a]);
+    match p.surface_shadow {
+        surface_shadow::RAY => {
+            let free = light.distance - MeshRecord::MARGIN * extent;
+            inputs.mesh.blocked(&line(at, light.toward), free, lit).select(F::ZERO, F::ONE)
+        }
+        surface_shadow::MAP => mapped(inputs, record, light, at, lit),
+        _ => F::ONE,
+    }
+}
+
+/// The same by the light's map, at a point from the mesh's origin: four comparisons, interpolated.
+#[inline(always)]
+fn mapped(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident, at: [F; 3], lit: M) -> F {
+    let (p, side) = (inputs.p, inputs.p.map_side as usize);
+    let parallel = record.position[3] == 0.0;
+    let v = if parallel { at } else { triple!(a => -(light.distance * light.toward[a])) };
+    let mut sum = F::ONE;
+    for i in 0..LANES {
+        if !lit.lane(i) {
+            continue;
+        }
+        let v = triple!(a => v[a].0[i]);
+        let n = if parallel || record.cone[3] > 0.0 { 0 } else { side_of(v) };
+        let of = face(record, n, p.mesh_eye[3]);
+        let along = |axis: [f32; 3]| v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2];
+        let mut depth = along(of.forward);
+        let mut place = [along(of.right) / of.half_width, along(of.up) / of.half_width];
+        if parallel {
+            depth += p.mesh_eye[3];
+            if place[0].abs().max(place[1].abs()) > 1.0 {
+                continue;
+            }
+        } else {
+            place = place.map(|x| x / depth.max(1e-30));
+        }
+        let last = side as f32 - 1.0;
+        let q = place.map(|x| ((x * 0.5 + 0.5) * side as f32 - 0.5).max(0.0).min(last));
+        let low = q.map(|x| x as usize);
+        let f = [q[0] - low[0] as f32, q[1] - low[1] as f32];
+        let first = (record.power[3] as usize + n) * side;
+        sum.0[i] = 0.0;
+        for k in 0..4 {
+            let high = [k & 1, k >> 1];
+            let across = if high[0] == 1 { f[0] } else { 1.0 - f[0] };
+            let down = if high[1] == 1 { f[1] } else { 1.0 - f[1] };
+            let (x, y) = ((low[0] + high[0]).min(side - 1), (low[1] + high[1]).min(side - 1));
+            let held = inputs.shadow_map[(first + y) * side + x];
+            sum.0[i] += if depth <= held { across * down } else { 0.0 };
+        }
+    }
+    sum
 }
 
 /// The field toward four lights; zero without one.
@@ -449,38 +528,6 @@ fn optics(inputs: &Inputs<'_>, at: [F; 3], active: M) -> Optics {
         scattering: triple!(c => scatters[c] * p.extinction[c] * p.albedo[c]),
         emission: triple!(c => source[c] * p.emission[c]),
     }
-}
-
-/// A direction of the world in voxels per metre.
-#[inline(always)]
-fn to_index(p: &MarchParams, d: [F; 3]) -> [F; 3] {
-    let rows = [&p.index_x, &p.index_y, &p.index_z];
-    triple!(a => d[0] * rows[a][0] + d[1] * rows[a][1] + d[2] * rows[a][2])
-}
-
-/// Unit direction toward the light, distance to it, and what falloff and cone leave of its power, `t` metres along
-/// the view ray.
-#[inline(always)]
-fn incident(p: &MarchParams, light: &LightRecord, d: [F; 3], t: F) -> ([F; 3], F, F) {
-    if light.position[3] == 0.0 {
-        let toward = triple!(a => F::splat(light.position[a]));
-        return (toward, F::splat(f32::INFINITY), F::ONE);
-    }
-    let v = triple!(a => F::splat(light.position[a]) - t * d[a]);
-    let square = dot(v, v);
-    let distance = square.sqrt();
-    let far = distance.max(F::splat(f32::MIN_POSITIVE));
-    let toward = triple!(a => v[a] / far);
-    let mut falloff = F::ONE / square.max(F::splat(p.light_floor));
-    if light.cone[2] == 1.0 {
-        let [beam, cutoff, ..] = light.cone;
-        let axis = triple!(a => F::splat(-light.axis[a]));
-        // A cone without a rim is a step at the cutoff.
-        let rim = (cutoff - beam).max(1e-6);
-        let inside = (F::splat(cutoff) - angle_of_cosine(dot(axis, toward))) / rim;
-        falloff = falloff * inside.max(F::ZERO).min(F::ONE);
-    }
-    (toward, distance, falloff)
 }
 
 /// The environment's radiance from `d`.

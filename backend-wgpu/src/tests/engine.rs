@@ -79,7 +79,7 @@ fn the_required_limits_do_and_less_is_refused_with_the_numbers() {
     assert_eq!(adapter::shortfall(&wgpu::Limits::default()), None, "an engine's usual device does");
     let less = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..needed };
     let text = adapter::shortfall(&less).unwrap();
-    assert_eq!(text, "max_storage_buffers_per_shader_stage is 4 and must be at least 7");
+    assert_eq!(text, "max_storage_buffers_per_shader_stage is 4 and must be at least 8");
 }
 
 #[test]

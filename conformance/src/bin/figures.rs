@@ -286,7 +286,7 @@ fn opacity(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
         ] {
             let mut scene = pictures::scene().map_err(told)?;
             scene.lights = vec![light];
-            scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells, scheme }));
+            scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
             let run = render(subject, &scene).map_err(told)?;
             let error = pictures::against(file, &run.film).map_err(told)?.relative_l2;
             writeln!(page, "| {name} | {text} | {cells} | {} | {} |", percent(error), number(run.preparing))?;

@@ -2,19 +2,20 @@
 
 use airlight::basis::recurrence_table;
 use airlight::device::{Buf, Usage};
-use airlight::glam::{DVec3, UVec3, Vec3};
+use airlight::glam::{UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Optics, Phase};
 use airlight::reference::{self, MarchInputs};
 use airlight::scene::Camera;
 use airlight::stage::{
-    GridParams, LightRecord, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind,
+    GridParams, LightRecord, March, MarchParams, MeshRecord, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind,
+    surface_shadow,
 };
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use crate::bench::{Bench, cuts};
-use crate::fixtures::{DIMS, Map, camera, density, grey, noise, sky};
+use crate::fixtures::{DIMS, Map, camera, density, grey, noise, room, sky};
 use crate::{Axis, Record, Subject, check};
 
 /// One set of parameters.
@@ -37,6 +38,10 @@ pub(super) struct Set {
     /// Rotation of a visible environment, degrees.
     pub(super) environment: Option<f32>,
     pub(super) surface: bool,
+    /// Surfaces of a vector a sub-pixel position, not a pixel.
+    pub(super) fine: bool,
+    /// How surfaces shadow lights.
+    pub(super) surface_shadow: u32,
     /// Longest step, metres.
     pub(super) step: f32,
     /// Voxels of an occupancy cell's side.
@@ -71,6 +76,8 @@ pub(super) fn plain(name: &str) -> Set {
         shadow: shadow_kind::NONE,
         environment: None,
         surface: false,
+        fine: false,
+        surface_shadow: surface_shadow::NONE,
         step: 0.05,
         block: 2,
     }
@@ -89,28 +96,12 @@ struct Host {
     tables: Vec<f32>,
     environment: Vec<[f32; 4]>,
     surface: Vec<[f32; 4]>,
+    mesh: Vec<MeshRecord>,
+    shadow_map: Vec<f32>,
 }
 
 fn rgb(v: Vec3) -> [f32; 4] {
     v.extend(0.0).to_array()
-}
-
-fn record(light: &Light, eye: DVec3) -> LightRecord {
-    let mut record = LightRecord::zeroed();
-    let relative = |p: DVec3| (p - eye).as_vec3().extend(1.0).to_array();
-    match *light {
-        Light::Directional { to_light, irradiance } => {
-            (record.position, record.power) = (rgb(to_light.as_vec3()), rgb(irradiance));
-        }
-        Light::Point { position, intensity } => {
-            (record.position, record.power) = (relative(position), rgb(intensity));
-        }
-        Light::Spot { position, axis, intensity, beam, cutoff } => {
-            (record.position, record.power) = (relative(position), rgb(intensity));
-            (record.axis, record.cone) = (rgb(axis.as_vec3()), [beam as f32, cutoff as f32, 1.0, 0.0]);
-        }
-    }
-    record
 }
 
 fn host(set: &Set) -> Host {
@@ -168,7 +159,9 @@ fn host(set: &Set) -> Host {
     let pixels = (camera.width * camera.height) as usize;
     // Before, within and behind the medium, and nowhere.
     let far = |i: usize| [0.4, 2.1, 2.4, 2.7, 9.0, f32::INFINITY][i % 6];
-    let surface = noise(42, 3 * pixels).chunks_exact(3).enumerate().map(|(i, c)| [c[0], c[1], c[2], far(i)]).collect();
+    p.surface_samples = if set.fine { p.samples } else { 1 };
+    let count = pixels * p.surface_samples as usize;
+    let surface = noise(42, 3 * count).chunks_exact(3).enumerate().map(|(i, c)| [c[0], c[1], c[2], far(i)]).collect();
     let density = density(set.dims, 43);
     let emission: Vec<f32> = noise(44, density.len()).iter().map(|v| (v - 0.5).max(0.0)).collect();
     // A share of the density in each channel, and what must not be read.
@@ -176,8 +169,20 @@ fn host(set: &Set) -> Host {
         let shares = noise(seed, 3 * of.len());
         of.iter().zip(shares.chunks_exact(3)).map(|(v, s)| [v * s[0], v * s[1], v * s[2], 7.0]).collect()
     };
-    let (scattering, emission_color) = (colors(46, &density), colors(47, &emission));
-    let lights = set.lights.iter().map(|light| record(light, camera.origin)).collect();
+    let (scattering, emission_color) = (colors(48, &density), colors(47, &emission));
+    let lights = LightRecord::of(&set.lights, camera.origin);
+    let (mut mesh, mut shadow_map) = (Vec::new(), Vec::new());
+    p.surface_shadow = set.surface_shadow;
+    if set.surface_shadow != surface_shadow::NONE {
+        let room = room();
+        let hierarchy = room.hierarchy().expect("the room has triangles");
+        p.mesh_eye = (camera.origin - hierarchy.origin()).as_vec3().extend(hierarchy.extent()).to_array();
+        (p.nodes, p.map_side) = (hierarchy.nodes(), 6);
+        mesh = hierarchy.records().to_vec();
+        let faces: u32 = set.lights.iter().map(airlight::stage::Shadow::faces).sum();
+        // Nearer and farther than what looks it up.
+        shadow_map = noise(46, (36 * faces) as usize).iter().map(|v| 0.3 + 3.0 * v).collect();
+    }
     Host {
         params: p,
         density,
@@ -190,6 +195,8 @@ fn host(set: &Set) -> Host {
         tables,
         environment,
         surface: if set.surface { surface } else { Vec::new() },
+        mesh: if set.surface_shadow == surface_shadow::RAY { mesh } else { Vec::new() },
+        shadow_map: if set.surface_shadow == surface_shadow::MAP { shadow_map } else { Vec::new() },
     }
 }
 
@@ -228,6 +235,8 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
             bench.colors([x, y, z], 1, &texels)
         })?,
         surface: some(&host.surface, |v| bench.buf(v))?,
+        mesh: some(&host.mesh, |v| bench.buf(v))?,
+        shadow_map: some(&host.shadow_map, |v| bench.buf(v))?,
         paths: Some(bench.room(2 * (host.params.width * host.params.height) as usize, Usage::Work)?),
         film,
     };
@@ -253,6 +262,8 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         tables: &host.tables,
         environment: (!host.environment.is_empty()).then_some(&host.environment[..]),
         surface: (!host.surface.is_empty()).then_some(&host.surface[..]),
+        mesh: &host.mesh,
+        shadow_map: &host.shadow_map,
     };
     let expected = reference::march(&host.params, &inputs);
     let seen = expected.chunks_exact(8).filter(|p| p[3] > 1e-3 || p[0] > 1e-3).count();

@@ -4,7 +4,7 @@ use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Optics, Phase};
 use airlight::scene::Camera;
-use airlight::stage::shadow_kind;
+use airlight::stage::{shadow_kind, surface_shadow};
 
 use super::case;
 use super::march::{InScatter, Set, occupancies, one, plain};
@@ -12,7 +12,7 @@ use crate::fixtures::{Map, camera, chromatic, grey, phases};
 use crate::{Case, Record, Subject, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    let sets = [transmittance(), emission(), varying(), in_scatter(), lights(), background(), views()];
+    let sets = [transmittance(), emission(), varying(), in_scatter(), lights(), shadowed(), background(), views()];
     let made = |set: Set| {
         let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
         let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
@@ -173,8 +173,35 @@ fn lights() -> Vec<Set> {
     sets
 }
 
+/// Lights that surfaces shadow.
+fn shadowed() -> Vec<Set> {
+    let lit = |name: String, surface_shadow: u32, lights: Vec<Light>| Set {
+        lights,
+        surface_shadow,
+        ..scattering(&name, Phase::HenyeyGreenstein { g: 0.4 })
+    };
+    let wide = Light::spot(DVec3::new(0.3, 0.9, 0.2), DVec3::new(0.2, 0.0, 0.2), Vec3::ONE, 20.0, 80.0);
+    let mut sets = Vec::new();
+    for (how, kind) in [("by_rays", surface_shadow::RAY), ("by_maps", surface_shadow::MAP)] {
+        sets.extend([
+            lit(format!("directional_{how}"), kind, vec![sun()]),
+            lit(format!("point_{how}"), kind, vec![lamp()]),
+            lit(format!("spot_{how}"), kind, vec![spot()]),
+            Set { map: Map::Sheared, ..lit(format!("wide_spot_{how}"), kind, vec![wide.clone().expect("a light")]) },
+            Set {
+                shadow: shadow_kind::MARCH,
+                optics: grey(Phase::Isotropic),
+                map: Map::Rotated,
+                ..lit(format!("several_{how}"), kind, vec![spot(), lamp(), sun(), lamp(), spot()])
+            },
+        ]);
+    }
+    sets
+}
+
 fn background() -> Vec<Set> {
     vec![
+        Set { surface: true, fine: true, camera: camera(21, 13, 3), environment: Some(75.0), ..plain("fine_surface") },
         Set { environment: Some(0.0), ..plain("environment") },
         Set { environment: Some(-130.0), map: Map::Sheared, ..plain("environment_turned") },
         Set { surface: true, ..plain("surface") },

@@ -7,6 +7,9 @@ mod project;
 mod propagate;
 mod reduce;
 mod relight;
+mod shade;
+mod shadow;
+mod trace;
 
 use libtest_mimic::Failed;
 
@@ -21,6 +24,9 @@ pub(crate) fn cases() -> Vec<Case> {
         propagate::cases(),
         relight::cases(),
         march_cases::cases(),
+        trace::cases(),
+        shade::cases(),
+        shadow::cases(),
     ];
     all.into_iter().flatten().collect()
 }

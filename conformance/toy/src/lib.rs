@@ -9,7 +9,8 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs,
+    self, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs, ShadeInputs,
+    ShadowInputs, TraceInputs,
 };
 use airlight_core::stage::{Inject, March, Stage};
 use bytemuck::Pod;
@@ -223,6 +224,7 @@ impl Toy {
             }
             Stage::March(s) => {
                 let lights = s.lights.map(|b| self.records(b)).unwrap_or_default();
+                let mesh = s.mesh.map(|b| self.records(b)).unwrap_or_default();
                 let inputs = MarchInputs {
                     density: self.field(s.density),
                     scattering: s.scattering.map(|f| self.field(f)),
@@ -234,8 +236,31 @@ impl Toy {
                     tables: self.buffer(s.tables),
                     environment: s.environment.map(|f| self.field(f)),
                     surface: s.surface.map(|b| self.buffer(b)),
+                    mesh: &mesh,
+                    shadow_map: s.shadow_map.map_or(&[], |b| self.buffer(b)),
                 };
                 vec![("film", reference::march(&s.params, &inputs))]
+            }
+            Stage::Trace(s) => {
+                let inputs = TraceInputs { tables: self.buffer(s.tables), mesh: &self.records(s.mesh) };
+                vec![("hits", reference::trace(&s.params, &inputs))]
+            }
+            Stage::Shade(s) => {
+                let lights = s.lights.map(|b| self.records(b)).unwrap_or_default();
+                let inputs = ShadeInputs {
+                    density: self.field(s.density),
+                    lights: &lights,
+                    tables: self.buffer(s.tables),
+                    mesh: &self.records(s.mesh),
+                    materials: &self.records(s.materials),
+                    hits: self.buffer(s.hits),
+                    background: s.background.map(|b| self.buffer(b)),
+                };
+                vec![("surface", reference::shade(&s.params, &inputs))]
+            }
+            Stage::Shadow(s) => {
+                let inputs = ShadowInputs { lights: &self.records(s.lights), mesh: &self.records(s.mesh) };
+                vec![("shadow_map", reference::shadow(&s.params, &inputs))]
             }
         }
     }
@@ -275,9 +300,15 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
             let [i, j, k] = [word % x, word / x % y, word / x / y].map(|at| at / Inject::BRICK);
             (k * y.div_ceil(Inject::BRICK) + j) * x.div_ceil(Inject::BRICK) + i
         }
-        // Cells, each with a part of its own.
-        Stage::Reduce(_) | Stage::Project(_) | Stage::Relight(_) | Stage::Propagate(_) => {
-            let part = output.part.unwrap_or(u64::MAX) / 4;
+        // Cells, texels or sub-pixel positions, each with a part of its own or an even share of its group's.
+        Stage::Reduce(_)
+        | Stage::Project(_)
+        | Stage::Relight(_)
+        | Stage::Propagate(_)
+        | Stage::Trace(_)
+        | Stage::Shade(_)
+        | Stage::Shadow(_) => {
+            let part = output.part.unwrap_or(u64::MAX) / 4 / u64::from(stage.group());
             (word as u64 / part) as u32
         }
     }

@@ -7,9 +7,9 @@ use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project,
-    ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, Stage, inject_kind, propagate::scheme,
-    shadow_kind,
+    BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, MaterialRecord,
+    MeshRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams,
+    ShadowParams, Stage, TraceParams, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -76,11 +76,19 @@ pub enum Helper {
     Segment,
     /// Fractal gradient noise.
     Noise,
+    /// View rays.
+    View,
+    /// Light that arrives at a point of a view ray.
+    Light,
+    /// Rays through a mesh.
+    Mesh,
+    /// Faces of the maps of lights.
+    Face,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 12] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -89,6 +97,10 @@ impl Helper {
         Self::Harmonics,
         Self::Segment,
         Self::Noise,
+        Self::View,
+        Self::Light,
+        Self::Mesh,
+        Self::Face,
     ];
 
     /// Name of its file, without the language's ending.
@@ -102,6 +114,10 @@ impl Helper {
             Self::Harmonics => "harmonics",
             Self::Segment => "segment",
             Self::Noise => "noise",
+            Self::View => "view",
+            Self::Light => "light",
+            Self::Mesh => "mesh",
+            Self::Face => "face",
         }
     }
 }
@@ -145,9 +161,39 @@ const RELIGHT: Recipe =
 
 const MARCH: Recipe = Recipe {
     params: MarchParams::NAME,
-    structs: &[MarchParams::text, LightRecord::text],
+    structs: &[MarchParams::text, LightRecord::text, MeshRecord::text],
     per_field: &[Helper::Field],
-    helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Segment],
+    helpers: &[
+        Helper::Sample,
+        Helper::Angle,
+        Helper::Phase,
+        Helper::Harmonics,
+        Helper::Segment,
+        Helper::Light,
+        Helper::Mesh,
+        Helper::Face,
+    ],
+};
+
+const TRACE: Recipe = Recipe {
+    params: TraceParams::NAME,
+    structs: &[TraceParams::text, MeshRecord::text],
+    per_field: &[],
+    helpers: &[Helper::View, Helper::Mesh],
+};
+
+const SHADE: Recipe = Recipe {
+    params: ShadeParams::NAME,
+    structs: &[ShadeParams::text, LightRecord::text, MeshRecord::text, MaterialRecord::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample, Helper::Angle, Helper::View, Helper::Light, Helper::Mesh],
+};
+
+const SHADOW: Recipe = Recipe {
+    params: ShadowParams::NAME,
+    structs: &[ShadowParams::text, LightRecord::text, MeshRecord::text],
+    per_field: &[],
+    helpers: &[Helper::Mesh, Helper::Face],
 };
 
 const INJECT: Recipe = Recipe {
@@ -167,6 +213,9 @@ impl Recipe {
             Stage::Relight(_) => RELIGHT,
             Stage::March(_) => MARCH,
             Stage::Inject(_) => INJECT,
+            Stage::Trace(_) => TRACE,
+            Stage::Shade(_) => SHADE,
+            Stage::Shadow(_) => SHADOW,
         }
     }
 
@@ -184,6 +233,10 @@ impl Recipe {
             ("SCHEME_SHORT_CHARACTERISTICS", scheme::SHORT_CHARACTERISTICS),
             ("SCHEME_PUBLISHED", scheme::PUBLISHED),
             ("NO_FACE", LightFace::NONE),
+            ("SURFACE_SHADOW_MAP", surface_shadow::MAP),
+            ("SURFACE_SHADOW_RAY", surface_shadow::RAY),
+            ("MESH_COUNT_BITS", MeshRecord::COUNT_BITS),
+            ("MESH_COUNT_MASK", MeshRecord::COUNT_MASK),
             ("BLOCK", March::BLOCK),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
@@ -196,7 +249,14 @@ impl Recipe {
         ] {
             out += &language.integer(name, value);
         }
-        for (name, value) in [("REDUCE_SLACK", Reduce::SLACK), ("INJECT_FAR", Inject::FAR), ("DENSITY_MAX", LARGEST)] {
+        for (name, value) in [
+            ("FAR", FAR),
+            ("REDUCE_SLACK", Reduce::SLACK),
+            ("INJECT_FAR", Inject::FAR),
+            ("DENSITY_MAX", LARGEST),
+            ("MESH_SLACK", MeshRecord::SLACK),
+            ("MESH_MARGIN", MeshRecord::MARGIN),
+        ] {
             out += &language.float(name, value);
         }
         for shape in shapes {
@@ -335,7 +395,7 @@ mod tests {
             ] {
                 assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
             }
-            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 5);
+            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 8);
             assert!(text.whole.ends_with("first\nlast\n"));
         }
     }

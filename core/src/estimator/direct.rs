@@ -4,9 +4,7 @@
 use super::opacity::propagate;
 use super::{Estimator, LightShadow, Lights, MediumFields, Sources};
 use crate::exec::{Plan, RenderError};
-use crate::light::Light;
 use crate::scene::{Direct, Opacity, Scene, Shadow};
-use crate::stage::LightRecord;
 
 impl Estimator for Direct {
     fn name(&self) -> &'static str {
@@ -20,7 +18,7 @@ impl Estimator for Direct {
         plan: &mut Plan<'a>,
         sources: &mut Sources,
     ) -> Result<(), RenderError> {
-        sources.lights = records(scene, plan, |plan| match self.shadow {
+        sources.lights = scattered(scene, sources, plan, |plan| match self.shadow {
             Shadow::March => LightShadow::March,
             Shadow::Propagated => LightShadow::Field(propagate(Opacity::default(), scene, medium, plan)),
             Shadow::None => LightShadow::Off,
@@ -30,37 +28,12 @@ impl Estimator for Direct {
 }
 
 /// The lights for the march, where any light is scattered, with what `shadow` plans.
-pub(super) fn records<'a>(
+pub(super) fn scattered<'a>(
     scene: &'a Scene,
+    sources: &Sources,
     plan: &mut Plan<'a>,
     shadow: impl FnOnce(&mut Plan<'a>) -> LightShadow,
 ) -> Option<Lights> {
-    if scene.lights.is_empty() || scene.optics.albedo == glam::Vec3::ZERO {
-        return None;
-    }
-    let records = scene.lights.iter().map(|light| record(light, scene)).collect();
-    Some(Lights { records: plan.table("lights", records), shadow: shadow(plan) })
-}
-
-/// Positions are relative to the eye, subtracted in f64, so that scenes far from the origin keep their precision.
-fn record(light: &Light, scene: &Scene) -> LightRecord {
-    let relative = |p: glam::DVec3| (p - scene.camera.origin).as_vec3().extend(1.0).to_array();
-    let rgb = |v: glam::Vec3| v.extend(0.0).to_array();
-    match *light {
-        Light::Directional { to_light, irradiance } => LightRecord {
-            position: to_light.as_vec3().extend(0.0).to_array(),
-            power: rgb(irradiance),
-            axis: [0.0; 4],
-            cone: [0.0; 4],
-        },
-        Light::Point { position, intensity } => {
-            LightRecord { position: relative(position), power: rgb(intensity), axis: [0.0; 4], cone: [0.0; 4] }
-        }
-        Light::Spot { position, axis, intensity, beam, cutoff } => LightRecord {
-            position: relative(position),
-            power: rgb(intensity),
-            axis: rgb(axis.as_vec3()),
-            cone: [beam as f32, cutoff as f32, 1.0, 0.0],
-        },
-    }
+    let records = sources.records.filter(|_| scene.optics.albedo != glam::Vec3::ZERO)?;
+    Some(Lights { records, shadow: shadow(plan) })
 }

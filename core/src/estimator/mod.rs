@@ -95,6 +95,8 @@ pub struct LightDepth {
 /// What the march adds up.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources {
+    /// The scene's lights, relative to the eye, where an estimator takes them: they are there before the estimators plan.
+    pub records: Option<Buf<LightRecord>>,
     /// A field of in-scattered radiance.
     pub field: Option<InScatter>,
     /// Lights that are evaluated at every view sample.

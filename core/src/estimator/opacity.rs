@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::direct::records;
+use super::direct::scattered;
 use super::{Estimator, LightDepth, LightShadow, MediumFields, Sources, grid};
 use crate::device::{FieldFormat, FieldSpec};
 use crate::exec::{Plan, RenderError};
@@ -23,7 +23,8 @@ impl Estimator for Opacity {
         plan: &mut Plan<'a>,
         sources: &mut Sources,
     ) -> Result<(), RenderError> {
-        sources.lights = records(scene, plan, |plan| LightShadow::Field(propagate(*self, scene, medium, plan)));
+        sources.lights =
+            scattered(scene, sources, plan, |plan| LightShadow::Field(propagate(*self, scene, medium, plan)));
         Ok(())
     }
 }

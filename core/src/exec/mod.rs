@@ -11,6 +11,7 @@ mod executor;
 mod key;
 mod plan;
 mod renderer;
+mod surfaces;
 
 pub use error::{ExecError, RenderError};
 pub use executor::{Executor, Hooks, Progress, Report, StageRun};

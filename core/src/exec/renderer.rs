@@ -6,6 +6,9 @@ use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
+use super::surfaces::{
+    Frame, MeshBuffers, Occupancy, SurfaceShadowing, plan_shade, plan_shadow, plan_trace, upload_lights, upload_mesh,
+};
 use crate::Version;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
@@ -174,7 +177,8 @@ fn plan_frame<'a>(
     plan: &mut Plan<'a>,
 ) -> Result<Buf<[f32; 4]>, RenderError> {
     let medium = upload_medium(scene, plan);
-    let mut sources = Sources::default();
+    let mesh = upload_mesh(scene, plan);
+    let mut sources = Sources { records: upload_lights(scene, mesh.is_some(), plan), ..Sources::default() };
     if let Some(EnvironmentEstimate::Records(records)) = &scene.estimate.environment {
         records.plan(scene, &medium, plan, &mut sources)?;
     }
@@ -183,8 +187,19 @@ fn plan_frame<'a>(
         Some(LightsEstimate::Direct(direct)) => direct.plan(scene, &medium, plan, &mut sources)?,
         None => (),
     }
-    let surface = plan_surface(scene, surface, plan);
-    Ok(plan_march(scene, &medium, &sources, surface, plan))
+    let background = plan_background(scene, surface, plan);
+    let shadow = mesh.as_ref().and_then(|mesh| plan_shadow(scene, mesh, &sources, plan));
+    let hits = mesh.as_ref().map(|mesh| plan_trace(scene, mesh, plan));
+    let occupancy = plan_occupancy(&medium, plan);
+    let seen = match (&mesh, hits) {
+        (Some(mesh), Some(hits)) => {
+            let frame = Frame { scene, medium: &medium, occupancy, lights: sources.records, floor: light_floor(scene) };
+            Some(Seen { surface: plan_shade(&frame, mesh, hits, background, plan), samples: scene.camera.samples })
+        }
+        _ => background.map(|surface| Seen { surface, samples: 1 }),
+    };
+    let behind = Behind { seen, mesh: mesh.as_ref(), shadow };
+    Ok(plan_march(scene, &medium, occupancy, &sources, behind, plan))
 }
 
 /// The medium's fields on the device.
@@ -216,11 +231,49 @@ fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     }
 }
 
-/// What stands behind the medium.
-fn plan_surface<'a>(scene: &'a Scene, surface: Option<Surface<'a>>, plan: &mut Plan<'a>) -> Option<Buf<[f32; 4]>> {
+/// What ends view rays, and what shadows lights.
+struct Behind<'m> {
+    seen: Option<Seen>,
+    mesh: Option<&'m MeshBuffers>,
+    shadow: Option<SurfaceShadowing>,
+}
+
+/// What ends view rays: so many vectors a pixel.
+struct Seen {
+    surface: Buf<[f32; 4]>,
+    samples: u32,
+}
+
+/// Floor of r² in 1/r², m².
+fn light_floor(scene: &Scene) -> f32 {
+    (LIGHT_FLOOR * scene.medium.voxel()).powi(2) as f32
+}
+
+/// Occupancy cells along x, y, z; voxels of a cell's side.
+fn occupancy_cells(medium: &MediumFields) -> [u32; 4] {
+    [0, 1, 2, 3].map(|a| if a < 3 { medium.grid.dims[a].div_ceil(OCCUPANCY) } else { OCCUPANCY })
+}
+
+/// Space without density or emission is stepped over.
+fn plan_occupancy(medium: &MediumFields, plan: &mut Plan<'_>) -> Occupancy {
+    let cells = occupancy_cells(medium);
+    let side = OCCUPANCY as f32;
+    let count = cells[..3].iter().fold(1, |n: u64, &c| n.saturating_mul(c.into()));
+    let out = plan.work("occupancy", count);
+    plan.stage(Stage::Reduce(Reduce {
+        params: ReduceParams::new(medium.grid.dims, [cells[0], cells[1], cells[2], 0], [side, side, side, 0.0]),
+        density: medium.density,
+        other: medium.emission.reach(),
+        out,
+    }));
+    Occupancy { cells, buffer: out }
+}
+
+/// What stands behind the medium and its surfaces.
+fn plan_background<'a>(scene: &'a Scene, surface: Option<Surface<'a>>, plan: &mut Plan<'a>) -> Option<Buf<[f32; 4]>> {
     let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
     if let Some(Surface { content, fill }) = surface {
-        return Some(plan.external("surface", pixels, &content, fill));
+        return Some(plan.external("background", pixels, &content, fill));
     }
     let background = scene.background.as_ref()?;
     let fill = move |device: &mut dyn Device, buf: Buf<[f32; 4]>| {
@@ -233,14 +286,15 @@ fn plan_surface<'a>(scene: &'a Scene, surface: Option<Surface<'a>>, plan: &mut P
         }
         Ok(())
     };
-    Some(plan.external("surface", pixels, &background.version(), fill))
+    Some(plan.external("background", pixels, &background.version(), fill))
 }
 
 fn plan_march<'a>(
     scene: &'a Scene,
     medium: &MediumFields,
+    occupancy: Occupancy,
     sources: &Sources,
-    surface: Option<Buf<[f32; 4]>>,
+    behind: Behind<'_>,
     plan: &mut Plan<'a>,
 ) -> Buf<[f32; 4]> {
     let (camera, optics, grid) = (&scene.camera, &scene.optics, &medium.grid);
@@ -255,20 +309,8 @@ fn plan_march<'a>(
     (params.extinction, params.albedo) = (rgb0(optics.extinction), rgb0(optics.albedo));
     params.emission = rgb0(optics.emission);
     (params.step, params.cut) = (medium.step, March::CUT);
-    params.light_floor = (LIGHT_FLOOR * scene.medium.voxel()).powi(2) as f32;
-
-    // Space without density or emission is stepped over.
-    let cells = [0, 1, 2].map(|a| grid.dims[a].div_ceil(OCCUPANCY));
-    params.occupancy_cells = [cells[0], cells[1], cells[2], OCCUPANCY];
-    let side = OCCUPANCY as f32;
-    let occupancy = plan.work("occupancy", cells.iter().fold(1, |n: u64, &c| n.saturating_mul(c.into())));
-    plan.stage(Stage::Reduce(Reduce {
-        params: ReduceParams::new(grid.dims, [cells[0], cells[1], cells[2], 0], [side, side, side, 0.0]),
-        density: medium.density,
-        other: medium.emission.reach(),
-        out: occupancy,
-    }));
-
+    params.light_floor = light_floor(scene);
+    params.occupancy_cells = occupancy.cells;
     let per_voxel =
         |cells: [u32; 3]| [0, 1, 2, 3].map(|a| if a < 3 { cells[a] as f32 / grid.dims[a] as f32 } else { 0.0 });
     let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
@@ -306,6 +348,12 @@ fn plan_march<'a>(
     let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);
+    params.surface_samples = behind.seen.as_ref().map_or(1, |seen| seen.samples);
+    let shadowing = behind.shadow;
+    if let (Some(mesh), Some(shadow)) = (behind.mesh, shadowing) {
+        (params.mesh_eye, params.nodes) = (mesh.eye(camera), mesh.nodes);
+        (params.surface_shadow, params.map_side) = (shadow.kind, shadow.side);
+    }
     let mut march = March {
         params,
         density: medium.density,
@@ -314,11 +362,13 @@ fn plan_march<'a>(
         emission_color: medium.emission.color(),
         in_scatter,
         light_depth,
-        occupancy: Some(occupancy),
+        occupancy: Some(occupancy.buffer),
         lights,
         tables: plan.table("march tables", tables),
         environment,
-        surface,
+        surface: behind.seen.as_ref().map(|seen| seen.surface),
+        mesh: shadowing.and_then(|shadow| shadow.rays),
+        shadow_map: shadowing.and_then(|shadow| shadow.map),
         paths: None,
         film: plan.output("film", 2 * pixels),
     };

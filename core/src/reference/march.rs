@@ -6,8 +6,10 @@ use glam::DVec3;
 
 use super::closed::{emission_absorption, transmittance};
 use super::lookup::{Samples, Steps, Tints, apply, phase, xyz};
+use super::mesh::nearest;
+use super::shadow::{Face, face, face_count};
 use crate::basis::{Basis, SphericalHarmonics};
-use crate::stage::{LightRecord, MarchParams, shadow_kind};
+use crate::stage::{LightRecord, MarchParams, MeshRecord, shadow_kind, surface_shadow};
 
 /// What the bindings of [`March`](crate::stage::March) hold.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +32,12 @@ pub struct MarchInputs<'a> {
     pub tables: &'a [f32],
     /// Texels of the environment.
     pub environment: Option<&'a [[f32; 4]]>,
-    /// Surfaces behind the pixels.
+    /// Surfaces behind the pixels, or behind their sub-pixel positions.
     pub surface: Option<&'a [[f32; 4]]>,
+    /// Boxes, which are not read, and triangles that shadow lights.
+    pub mesh: &'a [MeshRecord],
+    /// How far lights reach.
+    pub shadow_map: &'a [f32],
 }
 
 /// What [`March`](crate::stage::March) writes: eight values a pixel, which are premultiplied RGB and alpha,
@@ -54,7 +60,9 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
                 let a = 2.0 * px / f64::from(params.width) - 1.0;
                 let b = 1.0 - 2.0 * py / f64::from(params.height);
                 let d = (xyz(params.forward) + a * xyz(params.right) + b * xyz(params.up)).normalize();
-                let surface = inputs.surface.map(|s| s[(y * params.width + x) as usize]);
+                let each = params.surface_samples as usize;
+                let pixel = (y * params.width + x) as usize;
+                let surface = inputs.surface.map(|surface| surface[pixel * each + s % each]);
                 let path = Path::walk(params, inputs, &harmonics, d, surface.map_or(f64::INFINITY, |s| s[3].into()));
                 let behind = match (surface, inputs.environment) {
                     (Some(surface), _) if surface[3].is_finite() => xyz(surface),
@@ -151,13 +159,7 @@ fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: 
     let table = &inputs.tables[params.phase_at as usize..][..params.phase_size as usize];
     let mut sum = DVec3::ZERO;
     for (number, light) in inputs.lights.iter().take(params.lights as usize).enumerate() {
-        let (toward, distance, falloff) = if light.position[3] == 0.0 {
-            (xyz(light.position), f64::INFINITY, 1.0)
-        } else {
-            let way = xyz(light.position) - t * d;
-            let toward = way.normalize_or_zero();
-            (toward, way.length(), cone(light, toward) / way.length_squared().max(params.light_floor.into()))
-        };
+        let (toward, distance, falloff) = incident(light, params.light_floor, t, d);
         let way = || Steps::new(at, apply(rows, toward), params.dims, distance, params.step.into());
         let column = match params.shadow {
             shadow_kind::MARCH => way().column(density),
@@ -165,10 +167,62 @@ fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: 
             shadow_kind::MEAN => depth(params, inputs, at, number) * way().length * way().count as f64,
             _ => 0.0,
         };
-        let arriving = xyz(light.power) * falloff * phase(params.phase_kind, params.phase, table, toward.dot(d));
+        let seen = visibility(params, inputs, light, xyz(params.mesh_eye) + t * d, toward, distance);
+        let arriving = xyz(light.power) * falloff * seen * phase(params.phase_kind, params.phase, table, toward.dot(d));
         sum += arriving * DVec3::from((xyz(params.extinction) * column).to_array().map(transmittance));
     }
     sum
+}
+
+/// Unit direction toward a light `t` metres along the view ray, distance to it, and what falloff and cone leave of its
+/// power.
+pub(super) fn incident(light: &LightRecord, floor: f32, t: f64, d: DVec3) -> (DVec3, f64, f64) {
+    if light.position[3] == 0.0 {
+        return (xyz(light.position), f64::INFINITY, 1.0);
+    }
+    let way = xyz(light.position) - t * d;
+    let toward = way.normalize_or_zero();
+    (toward, way.length(), cone(light, toward) / way.length_squared().max(floor.into()))
+}
+
+/// How much of a light passes by the surfaces to the point `at`, from the mesh's origin.
+fn visibility(
+    params: &MarchParams,
+    inputs: &MarchInputs<'_>,
+    light: &LightRecord,
+    at: DVec3,
+    toward: DVec3,
+    distance: f64,
+) -> f64 {
+    let extent = f64::from(params.mesh_eye[3]);
+    match params.surface_shadow {
+        surface_shadow::RAY => {
+            let free = distance - f64::from(MeshRecord::MARGIN) * extent;
+            let stands = nearest(inputs.mesh, params.nodes, at, toward, [0.0, free]);
+            if stands.is_some() { 0.0 } else { 1.0 }
+        }
+        surface_shadow::MAP => {
+            let parallel = light.position[3] == 0.0;
+            let way = if parallel { at } else { -distance * toward };
+            // The face whose axis the way is nearest to.
+            let faces = (0..face_count(light)).map(|n| (n, face(light, n, extent)));
+            let nearer = |a: &(u32, Face), b: &(u32, Face)| way.dot(a.1.forward).total_cmp(&way.dot(b.1.forward));
+            let Some((number, face)) = faces.max_by(nearer) else { return 1.0 };
+            let depth = if parallel { at.dot(face.forward) + extent } else { way.dot(face.forward) };
+            let scale = if parallel { extent } else { face.half_width * depth };
+            let place = [face.right, face.up].map(|axis| if scale > 0.0 { way.dot(axis) / scale } else { 0.0 });
+            if parallel && place.iter().any(|x| x.abs() > 1.0) {
+                return 1.0;
+            }
+            let side = params.map_side as usize;
+            let first = (light.power[3] as usize + number as usize) * side * side;
+            let lit = |held: &f32| if depth <= f64::from(*held) { 1.0 } else { 0.0 };
+            let lit: Vec<f32> = inputs.shadow_map[first..][..side * side].iter().map(lit).collect();
+            let q = place.map(|x| (0.5 * x + 0.5) * side as f64 - 0.5);
+            Samples::new(&lit, [params.map_side, params.map_side, 1, 0]).trilinear(DVec3::new(q[0], q[1], 0.0))
+        }
+        _ => 1.0,
+    }
 }
 
 /// The field toward light `number`, at the point `at` of index space.
@@ -265,6 +319,8 @@ mod tests {
             tables: &[0.5, 0.5],
             environment: None,
             surface: None,
+            mesh: &[],
+            shadow_map: &[],
         };
         let film = march(&params, &inputs);
         let mut seen = 0;

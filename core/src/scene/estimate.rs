@@ -108,11 +108,13 @@ pub struct Opacity {
     pub cells: u32,
     /// How the way's density spreads.
     pub scheme: Scheme,
+    /// The shadow of surfaces.
+    pub surface_shadow: SurfaceShadow,
 }
 
 impl Default for Opacity {
     fn default() -> Self {
-        Self { cells: 64, scheme: Scheme::ShortCharacteristics }
+        Self { cells: 64, scheme: Scheme::ShortCharacteristics, surface_shadow: SurfaceShadow::default() }
     }
 }
 
@@ -132,6 +134,50 @@ pub enum Scheme {
 pub struct Direct {
     /// The medium's own shadow.
     pub shadow: Shadow,
+    /// The shadow of surfaces.
+    pub surface_shadow: SurfaceShadow,
+}
+
+/// How surfaces shadow analytic lights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfaceShadow {
+    /// In the medium by maps of the lights, whose faces have so many texels along each side
+    /// ([`stage::Shadow`](crate::stage::Shadow)); on surfaces by rays.
+    Map(u32),
+    /// By a ray from every view sample and surface.
+    Ray,
+    /// Not at all.
+    None,
+}
+
+impl Default for SurfaceShadow {
+    fn default() -> Self {
+        Self::Map(Self::TEXELS)
+    }
+}
+
+impl SurfaceShadow {
+    /// Texels along each side of a face, unless others are asked for.
+    pub const TEXELS: u32 = 512;
+    /// The most of them.
+    pub const MAX_TEXELS: u32 = 8192;
+
+    fn validate(self) -> Result<(), EstimateError> {
+        match self {
+            Self::Map(texels) => range("surface_shadow.texels", texels, Self::MAX_TEXELS),
+            Self::Ray | Self::None => Ok(()),
+        }
+    }
+}
+
+impl LightsEstimate {
+    /// The shadow of surfaces.
+    pub fn surface_shadow(&self) -> SurfaceShadow {
+        match self {
+            Self::Opacity(opacity) => opacity.surface_shadow,
+            Self::Direct(direct) => direct.surface_shadow,
+        }
+    }
 }
 
 /// The medium's own shadow.
@@ -249,10 +295,10 @@ impl Estimate {
             Some(EnvironmentEstimate::Records(records)) => records.validate(phase)?,
             None => (),
         }
-        match &self.lights {
-            Some(LightsEstimate::Opacity(opacity)) => range("cells", opacity.cells, Opacity::MAX_CELLS),
-            Some(LightsEstimate::Direct(_)) | None => Ok(()),
+        if let Some(LightsEstimate::Opacity(opacity)) = &self.lights {
+            range("cells", opacity.cells, Opacity::MAX_CELLS)?;
         }
+        self.lights.as_ref().map_or(Ok(()), |lights| lights.surface_shadow().validate())
     }
 }
 

@@ -1,7 +1,10 @@
 //! Surfaces in a scene: triangles with materials.
 
+use std::sync::{Arc, OnceLock};
+
 use glam::{DVec3, Vec3};
 
+use super::Hierarchy;
 use crate::Version;
 
 /// How a surface reflects light: f = `diffuse`/π + `specular` (n + 2)/(2π) cosⁿα, with n = `shininess` and α the angle
@@ -109,6 +112,7 @@ pub struct Mesh {
     materials: Vec<Material>,
     degenerate: usize,
     version: Version,
+    hierarchy: OnceLock<Arc<Hierarchy>>,
 }
 
 impl Mesh {
@@ -161,7 +165,8 @@ impl Mesh {
             area.length() > 1e-12 * (b - a).length().max((c - a).length()).powi(2)
         });
         let degenerate = all - triangles.len();
-        Ok(Self { positions, normals, triangles, materials, degenerate, version: Version::fresh() })
+        let (version, hierarchy) = (Version::fresh(), OnceLock::new());
+        Ok(Self { positions, normals, triangles, materials, degenerate, version, hierarchy })
     }
 
     /// Several meshes as one; facets keep the flat look beside smooth ones.
@@ -230,6 +235,12 @@ impl Mesh {
         let mut corners = self.triangles.iter().flat_map(|t| t.vertices).map(|v| self.positions[v as usize]);
         let first = corners.next()?;
         Some(corners.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
+    }
+
+    /// The mesh as devices trace rays through it; made when it is first asked for. None without triangles.
+    pub fn hierarchy(&self) -> Option<&Hierarchy> {
+        let bounds = self.bounds()?;
+        Some(self.hierarchy.get_or_init(|| Arc::new(Hierarchy::new(self, bounds))))
     }
 
     /// Identity of the content.

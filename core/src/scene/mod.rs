@@ -4,6 +4,7 @@ mod background;
 mod camera;
 mod estimate;
 mod film;
+mod hierarchy;
 mod mesh;
 mod placement;
 mod shapes;
@@ -16,9 +17,10 @@ pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Opacity,
-    Records, Scheme, Shadow,
+    Records, Scheme, Shadow, SurfaceShadow,
 };
 pub use film::Film;
+pub use hierarchy::Hierarchy;
 pub use mesh::{Material, Mesh, MeshError, Triangle};
 pub use placement::{Placement, normal_map};
 pub use shapes::Shape;

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{Inject, March, Project, Propagate, Reduce, Relight, Stage};
+use super::{Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -62,6 +62,8 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             tables: buf(6),
             environment: full.then(|| field(7, FieldFormat::Rgba)),
             surface: full.then(|| buf(8)),
+            mesh: full.then(|| buf(11)),
+            shadow_map: full.then(|| buf(12)),
             paths: full.then(|| buf(9)),
             film: buf(10),
         }),
@@ -73,5 +75,19 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             list: full.then(|| buf(3)),
             out: buf(4),
         }),
+        Stage::Trace(Trace { params: Zeroable::zeroed(), tables: buf(0), mesh: buf(1), hits: buf(2) }),
+        Stage::Shade(Shade {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            occupancy: full.then(|| buf(1)),
+            lights: full.then(|| buf(2)),
+            tables: buf(3),
+            mesh: buf(4),
+            materials: buf(5),
+            hits: buf(6),
+            background: full.then(|| buf(7)),
+            out: buf(8),
+        }),
+        Stage::Shadow(Shadow { params: Zeroable::zeroed(), lights: buf(0), mesh: buf(1), out: buf(2) }),
     ]
 }

@@ -5,6 +5,9 @@ use glam::{DMat3, DVec3};
 use crate::device::{Field, FieldFormat};
 use crate::media::{Lattice, Phase};
 
+/// Beyond every distance in a scene, and finite: not every language of kernels promises infinities.
+pub const FAR: f32 = 3.0e38;
+
 /// The lattice of the density as kernels see it. Rays are carried into index space, where sample (i, j, k) lies at
 /// (i, j, k) and the box from -½ to dims - ½; their parameter stays metres of world.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,7 +9,8 @@
 //!
 //! J is the sum of what the estimators prepared: `in_scatter`, a field over the record cells of one layer, or of
 //! bands² layers that are weighed with Y_k(d) of the ray's direction; and `lights`, each with phase, falloff and the
-//! medium's own shadow: exp(-`extinction` · column), the column marched, or trilinear from `light_depth`. Space that `occupancy` shows empty is stepped over without moving a sample.
+//! medium's own shadow: exp(-`extinction` · column), the column marched, or trilinear from `light_depth`. Surfaces shadow them
+//! by a ray through `mesh`, or by four comparisons with `shadow_map` that are interpolated. Space that `occupancy` shows empty is stepped over without moving a sample.
 //!
 //! Behind the medium lie, each times T: the surface's radiance where there is one, else the visible environment.
 //!
@@ -24,10 +25,11 @@
 use std::ops::Range;
 
 use crate::basis::SphericalHarmonics;
-use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec};
+use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec, ResourceId};
 use crate::kernel_struct;
 use crate::stage::grid::{is_color, is_scalar, most_steps};
-use crate::stage::{Kernel, PhaseParams, require};
+use crate::stage::trace::holds;
+use crate::stage::{Kernel, MeshRecord, PhaseParams, require, surface_shadow};
 
 kernel_struct! {
     /// Parameters of `march`.
@@ -70,6 +72,8 @@ kernel_struct! {
         light_cells: U32x4,
         /// The same cells per voxel along x, y, z; unused.
         light_cells_per_voxel: F32x4,
+        /// The eye from the mesh's origin; the mesh's extent: metres.
+        mesh_eye: F32x4,
         /// Columns of the picture.
         width: U32,
         /// Rows of the picture.
@@ -110,6 +114,14 @@ kernel_struct! {
         step_begin: U32,
         /// One past the last step of this pass; [`March::ALL_STEPS`] where rays end in it.
         step_end: U32,
+        /// Vectors of `surface` a pixel: 1, or one for each sub-pixel position.
+        surface_samples: U32,
+        /// How surfaces shadow lights: a constant of [`surface_shadow`].
+        surface_shadow: U32,
+        /// Boxes of the mesh.
+        nodes: U32,
+        /// Texels along each side of a face of the lights' maps.
+        map_side: U32,
     }
 }
 
@@ -130,11 +142,12 @@ kernel_struct! {
     pub struct LightRecord {
         /// Toward the light (`position.w` = 0), or from the eye to it in metres (`position.w` = 1).
         position: F32x4,
-        /// Irradiance, or intensity, RGB; unused.
+        /// Irradiance, or intensity, RGB; number of the first face of its map.
         power: F32x4,
         /// Axis of a spot; unused.
         axis: F32x4,
-        /// Half angles of full and of no intensity, radians; 1 for a spot, else 0; unused.
+        /// Half angles of full and of no intensity, radians; 1 for a spot, else 0; half width at distance 1 of the one face
+        /// of its map, or 0 where it has another.
         cone: F32x4,
     }
 }
@@ -165,8 +178,13 @@ pub struct March {
     /// Texels of the environment, RGB; unused; row by row, folded into a field ([`fold`](crate::device::fold)). None
     /// where it is not seen.
     pub environment: Option<Field>,
-    /// Radiance of the surface behind each pixel, RGB, and its distance along the ray in metres (infinite for none).
+    /// Radiance of the surface behind each pixel, or each of its sub-pixel positions, RGB, and its distance along the ray
+    /// in metres (infinite for none).
     pub surface: Option<Buf<[f32; 4]>>,
+    /// Boxes and triangles that shadow lights.
+    pub mesh: Option<Buf<MeshRecord>>,
+    /// How far lights reach, from `shadow`.
+    pub shadow_map: Option<Buf<f32>>,
     /// Where rays are kept between passes, two vectors a pixel: radiance and light stopped so far, transmittance and
     /// the same weighed with its distance. Needed only where a pass is a part of a ray.
     pub paths: Option<Buf<[f32; 4]>>,
@@ -193,8 +211,14 @@ impl March {
         let steps = most_steps(p.dims, [p.index_x, p.index_y, p.index_z], p.step);
         let layers = if p.cells[3] > 1 { u64::from(p.cells[3]) } else { 0 };
         let column = if p.shadow == shadow_kind::MARCH { steps } else { 0 };
-        // Of a step: itself, the channels, the layers, the lights with their columns.
-        let step = (layers + 4).saturating_add(u64::from(p.lights).saturating_mul(column.saturating_add(1)));
+        let way = match (p.surface_shadow, self.mesh) {
+            (surface_shadow::RAY, Some(mesh)) => MeshRecord::turns(p.nodes.into(), p.nodes, mesh.len),
+            (surface_shadow::MAP, _) => 4,
+            _ => 0,
+        };
+        // Of a step: itself, the channels, the layers, the lights with their ways and columns.
+        let light = column.saturating_add(way).saturating_add(1);
+        let step = (layers + 4).saturating_add(u64::from(p.lights).saturating_mul(light));
         // Of a ray: itself and the harmonics of its direction, one turn a coefficient and two a band at the most.
         Turns { steps, step, ray: 1 + layers + 2 * u64::from(p.bands) }
     }
@@ -243,7 +267,9 @@ impl Kernel for March {
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
             Binding::sample("environment", FieldFormat::Rgba, self.environment),
-            Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row),
+            Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row * u64::from(self.params.surface_samples)),
+            Binding::read("mesh", self.mesh),
+            Binding::read("shadow_map", self.shadow_map),
             Binding::write("paths", self.paths).in_parts::<[f32; 4]>(2 * row),
             Binding::write("film", Some(self.film)).in_parts::<[f32; 4]>(2 * row),
         ]
@@ -273,7 +299,11 @@ impl Kernel for March {
         let pixels = u64::from(p.width) * u64::from(p.height);
         require!(pixels > 0 && u32::try_from(pixels).is_ok(), "a picture of {} × {}", p.width, p.height);
         require!(self.film.len >= 2 * pixels, "a film of {} vectors for {pixels} pixels", self.film.len);
-        require!(self.surface.is_none_or(|b| b.len >= pixels), "surfaces of fewer than {pixels} pixels");
+        if let Some(surface) = self.surface {
+            let each = p.surface_samples;
+            require!(each == 1 || each == p.samples, "surfaces of {each} positions for {} samples", p.samples);
+            require!(surface.len >= pixels.saturating_mul(each.into()), "surfaces of fewer than {pixels} pixels");
+        }
         if let Some(occupancy) = self.occupancy {
             let [x, y, z, side] = p.occupancy_cells;
             require!(side > 0, "occupancy cells without size");
@@ -318,6 +348,16 @@ impl Kernel for March {
             let found = self.light_depth.map(|field| field.spec);
             require!(found == Some(spec), "depths of lights in {found:?} for {:?}", p.light_cells);
             require!(u64::from(layers) * 4 >= p.lights.into(), "{layers} layers of depths for {} lights", p.lights);
+        }
+        require!(p.surface_shadow <= surface_shadow::RAY, "shadows of surfaces of kind {}", p.surface_shadow);
+        if p.lights > 0 && p.surface_shadow == surface_shadow::MAP {
+            // Lights say themselves where their faces are: the plan that made both sees to it.
+            let face = u64::from(p.map_side).pow(2);
+            let held = self.shadow_map.map_or(0, |map| map.len);
+            require!(face > 0 && held >= face, "a map of {held} texels for faces of {face}");
+        }
+        if p.lights > 0 && p.surface_shadow == surface_shadow::RAY {
+            holds(self.mesh.unwrap_or(Buf::new(ResourceId(0), 0)), p.nodes)?;
         }
         if p.phase_kind == PhaseParams::TABLE {
             require!(p.phase_size >= 2, "a phase table of {} entries", p.phase_size);
@@ -397,6 +437,8 @@ mod tests {
             tables: Buf::new(ResourceId(2), 2 * u64::from(samples)),
             environment: None,
             surface: None,
+            mesh: None,
+            shadow_map: None,
             paths: Some(Buf::new(ResourceId(3), 12)),
             film: Buf::new(ResourceId(4), 12),
         }

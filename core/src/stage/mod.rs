@@ -12,15 +12,21 @@ mod project;
 pub mod propagate;
 mod reduce;
 mod relight;
+mod shade;
+mod shadow;
+mod trace;
 
 pub use examples::examples;
-pub use grid::{GridParams, PhaseParams};
+pub use grid::{FAR, GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
 pub use relight::{Relight, RelightParams};
+pub use shade::{MaterialRecord, Shade, ShadeParams};
+pub use shadow::{Shadow, ShadowParams, surface_shadow};
+pub use trace::{MeshRecord, Trace, TraceParams};
 
 use crate::device::{Binding, BindingAccess};
 
@@ -83,6 +89,12 @@ pub enum Stage {
     March(March),
     /// Density of a medium that is described instead of sampled.
     Inject(Inject),
+    /// Where view rays meet surfaces.
+    Trace(Trace),
+    /// Light that surfaces send to the eye.
+    Shade(Shade),
+    /// How far lights reach before they meet surfaces.
+    Shadow(Shadow),
 }
 
 macro_rules! each {
@@ -94,6 +106,9 @@ macro_rules! each {
             Stage::Relight($stage) => $value,
             Stage::March($stage) => $value,
             Stage::Inject($stage) => $value,
+            Stage::Trace($stage) => $value,
+            Stage::Shade($stage) => $value,
+            Stage::Shadow($stage) => $value,
         }
     };
 }
@@ -104,8 +119,17 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 6] =
-        [Reduce::NAME, Project::NAME, Propagate::NAME, Relight::NAME, March::NAME, Inject::NAME];
+    pub const NAMES: [&'static str; 9] = [
+        Reduce::NAME,
+        Project::NAME,
+        Propagate::NAME,
+        Relight::NAME,
+        March::NAME,
+        Inject::NAME,
+        Trace::NAME,
+        Shade::NAME,
+        Shadow::NAME,
+    ];
 
     /// Name of the stage and of its kernel files.
     pub fn name(&self) -> &'static str {
@@ -152,6 +176,9 @@ impl Stage {
             Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
             Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
             Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),
+            Self::Trace(stage) => stage.passes(turns)?.into_iter().map(Self::Trace).collect(),
+            Self::Shade(stage) => stage.passes(turns)?.into_iter().map(Self::Shade).collect(),
+            Self::Shadow(stage) => stage.passes(turns)?.into_iter().map(Self::Shadow).collect(),
         })
     }
 

@@ -2,7 +2,7 @@
 
 use airlight_core::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Opacity, Quality,
-    Records, Scheme, Shadow,
+    Records, Scheme, Shadow, SurfaceShadow,
 };
 
 use super::error::Fault;
@@ -25,7 +25,7 @@ const RECORDS: (&str, &[&str]) = (
         "window",
     ],
 );
-const OPACITY: (&str, &[&str]) = ("opacity", &["cells", "scheme"]);
+const OPACITY: (&str, &[&str]) = ("opacity", &["cells", "scheme", "surface_shadow"]);
 const DIRECT: (&str, &[&str]) = ("direct", &["shadow", "surface_shadow"]);
 const SWEEPS: (&str, &[&str]) = ("sweeps", &["cells", "bands", "directions", "orders", "tolerance"]);
 const TRANSFER: (&str, &[&str]) = (
@@ -164,6 +164,7 @@ fn lights(field: &Field<'_>) -> Result<Option<LightsEstimate>, Fault> {
             Some(LightsEstimate::Opacity(Opacity {
                 cells: table.or("cells", default.cells, |f| f.whole(1..=Opacity::MAX_CELLS))?,
                 scheme: table.or("scheme", default.scheme, |f| f.choice(&schemes))?,
+                surface_shadow: table.or("surface_shadow", default.surface_shadow, |f| surface_shadow(&f))?,
             }))
         }
         "direct" => {
@@ -172,13 +173,28 @@ fn lights(field: &Field<'_>) -> Result<Option<LightsEstimate>, Fault> {
                 ("propagated", Some(Shadow::Propagated)),
                 ("none", Some(Shadow::None)),
             ];
-            let shadow = table.or("shadow", Shadow::default(), |f| f.choice(&shadows))?;
-            if let Some(field) = table.wanted("surface_shadow") {
-                field.choice(&[("none", Some(())), ("map", None), ("ray", None)])?;
-            }
-            Some(LightsEstimate::Direct(Direct { shadow }))
+            let default = Direct::default();
+            Some(LightsEstimate::Direct(Direct {
+                shadow: table.or("shadow", default.shadow, |f| f.choice(&shadows))?,
+                surface_shadow: table.or("surface_shadow", default.surface_shadow, |f| surface_shadow(&f))?,
+            }))
         }
         _ => None,
+    })
+}
+
+fn surface_shadow(field: &Field<'_>) -> Result<SurfaceShadow, Fault> {
+    if field.is_none() {
+        return Ok(SurfaceShadow::None);
+    }
+    let (kind, table) = field.kinds(None, &[("map", &["texels"]), ("ray", &[]), NONE])?;
+    Ok(match kind {
+        "map" => {
+            let texels = table.or("texels", SurfaceShadow::TEXELS, |f| f.whole(1..=SurfaceShadow::MAX_TEXELS))?;
+            SurfaceShadow::Map(texels)
+        }
+        "ray" => SurfaceShadow::Ray,
+        _ => SurfaceShadow::None,
     })
 }
 

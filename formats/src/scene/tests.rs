@@ -6,7 +6,7 @@ use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Opacity, Quality,
-    Records, Scheme, Shadow,
+    Records, Scheme, Shadow, SurfaceShadow,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -159,7 +159,10 @@ fn every_key_that_is_built_arrives() {
         elimination: Elimination::Probes(5),
     };
     assert_eq!(scene.estimate.environment, Some(EnvironmentEstimate::Records(records)));
-    assert_eq!(scene.estimate.lights, Some(LightsEstimate::Direct(Direct { shadow: Shadow::None })));
+    assert_eq!(
+        scene.estimate.lights,
+        Some(LightsEstimate::Direct(Direct { shadow: Shadow::None, surface_shadow: SurfaceShadow::None }))
+    );
     assert_eq!(scene.quality.step, 0.25);
 }
 
@@ -295,13 +298,17 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(estimate("environment = { kind = \"none\" }\nscattering = \"none\"").environment, None);
     assert_eq!(estimate("environment = \"records\"\nlights = { }\nall = \"none\""), Estimate::default());
     let lights = |text: &str| estimate(&format!("lights = {text}")).lights;
-    let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme }));
+    let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
     assert_eq!(lights("\"opacity\""), opacity(64, Scheme::ShortCharacteristics));
     assert_eq!(lights("{ cells = 96, scheme = \"metric\" }"), opacity(96, Scheme::Metric));
     assert_eq!(lights("{ kind = \"opacity\", scheme = \"published\" }"), opacity(64, Scheme::Published));
-    let direct = |shadow| Some(LightsEstimate::Direct(Direct { shadow }));
+    let direct = |shadow| Some(LightsEstimate::Direct(Direct { shadow, ..Direct::default() }));
     assert_eq!(lights("{ kind = \"direct\", shadow = \"propagated\" }"), direct(Shadow::Propagated));
     assert_eq!(lights("\"direct\""), direct(Shadow::March));
+    let surfaces = |text: &str| lights(&format!("{{ kind = {text} }}")).map(|lights| lights.surface_shadow());
+    assert_eq!(surfaces("\"direct\""), Some(SurfaceShadow::Map(512)));
+    assert_eq!(surfaces("\"opacity\", surface_shadow = \"ray\""), Some(SurfaceShadow::Ray));
+    assert_eq!(surfaces("\"direct\", surface_shadow = { kind = \"map\", texels = 96 }"), Some(SurfaceShadow::Map(96)));
     let elimination = |text: &str| match estimate(&format!("environment.elimination = {text}")).environment {
         Some(EnvironmentEstimate::Records(r)) => r.elimination,
         None => panic!("no records"),

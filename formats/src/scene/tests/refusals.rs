@@ -125,8 +125,8 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:39: estimate.lights.scheme = \"fast\"; it must be \"short-characteristics\", \"metric\" or \"published\"",
         ),
         (
-            "[estimate]\nlights = { kind = \"direct\", surface_shadow = \"map\" }",
-            "8:46: estimate.lights.surface_shadow = \"map\" is not built yet; available: \"none\"",
+            "[estimate]\nlights = { kind = \"direct\", surface_shadow = { kind = \"map\", texels = 0 } }",
+            "8:73: estimate.lights.surface_shadow.texels = 0; it must be a whole number from 1 to 8192",
         ),
         (
             "[estimate]\nscattering = { kind = \"sweeps\", orders = \"converged\" }",

@@ -1,0 +1,163 @@
+//! Rays through a mesh, as `airlight_core::stage::trace` lays it out.
+
+use airlight_core::stage::MeshRecord;
+
+use crate::packet::{F, LANES, M, dot, lanes, triple};
+
+/// Rays, and directions across them.
+pub(crate) struct Line {
+    origin: [F; 3],
+    /// Unit.
+    pub(crate) direction: [F; 3],
+    /// One over the direction.
+    inverse: [F; 3],
+    u: [F; 3],
+    v: [F; 3],
+}
+
+/// The nearest triangles.
+pub(crate) struct Hit {
+    /// Metres along, infinite for none.
+    pub(crate) distance: F,
+    pub(crate) triangle: [u32; LANES],
+    /// Of the corners.
+    pub(crate) weights: [F; 3],
+}
+
+/// Boxes and triangles.
+#[derive(Clone, Copy)]
+pub(crate) struct Mesh<'a> {
+    records: &'a [MeshRecord],
+    nodes: u32,
+}
+
+/// The rays along unit `direction`s, with a frame across each (Duff et al. 2017).
+#[inline(always)]
+pub(crate) fn line(origin: [F; 3], direction: [F; 3]) -> Line {
+    let [x, y, z] = direction;
+    let s = z.ge(F::ZERO).select(F::ONE, F::splat(-1.0));
+    let a = F::splat(-1.0) / (s + z);
+    let b = x * y * a;
+    let u = [F::ONE + s * x * x * a, s * b, -(s * x)];
+    let v = [b, s + y * y * a, -y];
+    // Along a wall of a box: far enough from parallel to divide by.
+    let inverse = triple!(c => F::ONE / direction[c].away_from_zero());
+    Line { origin, direction, inverse, u, v }
+}
+
+impl<'a> Mesh<'a> {
+    /// A mesh of so many boxes.
+    pub(crate) fn new(records: &'a [MeshRecord], nodes: u32) -> Self {
+        Self { records, nodes }
+    }
+
+    /// The nearest triangles within boxes `begin` to `end`, between `least` and `limit` metres along.
+    #[inline(always)]
+    pub(crate) fn nearest(&self, of: &Line, least: f32, limit: F, [begin, end]: [u32; 2]) -> Hit {
+        let mut found = Hit { distance: F::splat(f32::INFINITY), triangle: [0; LANES], weights: [F::ZERO; 3] };
+        let mut far = limit;
+        let mut node = begin as usize;
+        while node < end as usize {
+            if !self.meets(of, node, far).any() {
+                node = self.records[2 * node].number as usize;
+                continue;
+            }
+            for triangle in self.leaf(node) {
+                let [at, weights @ ..] = self.crossed(of, triangle);
+                let nearer = at.ge(F::splat(least)).and(at.lt(far));
+                if nearer.any() {
+                    far = nearer.select(at, far);
+                    found.distance = nearer.select(at, found.distance);
+                    found.weights = triple!(c => nearer.select(weights[c], found.weights[c]));
+                    found.triangle = lanes!(i => if nearer.lane(i) { triangle } else { found.triangle[i] });
+                }
+            }
+            node += 1;
+        }
+        found
+    }
+
+    /// Where a triangle stands within `limit` metres; lanes that are not `active` are not asked for.
+    #[inline(always)]
+    pub(crate) fn blocked(&self, of: &Line, limit: F, active: M) -> M {
+        let mut open = active;
+        let mut node = 0;
+        while node < self.nodes as usize && open.any() {
+            if !self.meets(of, node, limit).and(open).any() {
+                node = self.records[2 * node].number as usize;
+                continue;
+            }
+            for triangle in self.leaf(node) {
+                let at = self.crossed(of, triangle)[0];
+                let stands = at.ge(F::ZERO).and(at.lt(limit));
+                open = open.and(stands.not());
+            }
+            node += 1;
+        }
+        active.and(open.not())
+    }
+
+    /// The triangles of a box.
+    #[inline(always)]
+    fn leaf(&self, node: usize) -> std::ops::Range<u32> {
+        let leaf = self.records[2 * node + 1].number;
+        let first = leaf >> MeshRecord::COUNT_BITS;
+        first..first + (leaf & MeshRecord::COUNT_MASK)
+    }
+
+    /// Which rays meet a box within `limit` metres.
+    #[inline(always)]
+    fn meets(&self, of: &Line, node: usize, limit: F) -> M {
+        let (low, high) = (self.place(2 * node), self.place(2 * node + 1));
+        let lower = triple!(a => (F::splat(low[a]) - of.origin[a]) * of.inverse[a]);
+        let upper = triple!(a => (F::splat(high[a]) - of.origin[a]) * of.inverse[a]);
+        let [x, y, z] = triple!(a => (lower[a].min(upper[a]), lower[a].max(upper[a])));
+        let near = F::ZERO.max(x.0).max(y.0).max(z.0);
+        let far = limit.min(x.1).min(y.1).min(z.1);
+        // Distances are good to a few units in the last place.
+        (far * 1.000_002).ge(near)
+    }
+
+    /// Where the rays cross a triangle: metres along, -1 where they do not; weights of the corners.
+    #[inline(always)]
+    fn crossed(&self, of: &Line, triangle: u32) -> [F; 4] {
+        let at = 2 * self.nodes as usize + 6 * triangle as usize;
+        let a = seen(of, self.place(at));
+        let b = seen(of, self.place(at + 1));
+        let c = seen(of, self.place(at + 2));
+        let first = [b[0] * c[1], c[0] * a[1], a[0] * b[1]];
+        let second = [b[1] * c[0], c[1] * a[0], a[1] * b[0]];
+        let edges = triple!(i => first[i] - second[i]);
+        let slack = triple!(i => (first[i].abs() + second[i].abs()) * MeshRecord::SLACK);
+        let [x, y, z] = triple!(i => (edges[i].ge(-slack[i]), slack[i].ge(edges[i])));
+        let within = x.0.and(y.0).and(z.0).or(x.1.and(y.1).and(z.1));
+        let s = (edges[0] + edges[1] + edges[2]).ge(F::ZERO).select(F::ONE, F::splat(-1.0));
+        let inside = triple!(i => (s * edges[i]).max(F::ZERO));
+        let sum = inside[0] + inside[1] + inside[2];
+        let within = within.and(sum.gt(F::ZERO));
+        let weights = triple!(i => inside[i] / sum);
+        let along = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
+        [within.select(along, F::splat(-1.0)), weights[0], weights[1], weights[2]]
+    }
+
+    /// The place of a record.
+    #[inline(always)]
+    pub(crate) fn place(&self, record: usize) -> [f32; 3] {
+        let MeshRecord { x, y, z, .. } = self.records[record];
+        [x, y, z]
+    }
+
+    /// Where the records of a triangle begin, and the number of its material.
+    #[inline(always)]
+    pub(crate) fn triangle(&self, triangle: u32) -> (usize, u32) {
+        let at = 2 * self.nodes as usize + 6 * triangle as usize;
+        (at, self.records[at + 3].number)
+    }
+}
+
+/// A point across and along the rays.
+#[inline(always)]
+fn seen(of: &Line, point: [f32; 3]) -> [F; 3] {
+    let p = triple!(a => F::splat(point[a]) - of.origin[a]);
+    [dot(p, of.u), dot(p, of.v), dot(p, of.direction)]
+}

@@ -1,0 +1,124 @@
+// Rays through a mesh, as core/src/stage/trace.rs lays it out.
+
+// A ray, and directions across it.
+struct Line {
+    origin: vec3<f32>,
+    // Unit.
+    direction: vec3<f32>,
+    // One over the direction.
+    inverse: vec3<f32>,
+    u: vec3<f32>,
+    v: vec3<f32>,
+}
+
+struct Hit {
+    // Metres along, FAR for none.
+    distance: f32,
+    triangle: u32,
+    // Of the corners.
+    weights: vec3<f32>,
+}
+
+// The ray along a unit `direction`, with a frame across it (Duff et al. 2017).
+fn line(origin: vec3<f32>, direction: vec3<f32>) -> Line {
+    let s = select(-1.0, 1.0, direction.z >= 0.0);
+    let a = -1.0 / (s + direction.z);
+    let b = direction.x * direction.y * a;
+    let u = vec3<f32>(1.0 + s * direction.x * direction.x * a, s * b, -s * direction.x);
+    let v = vec3<f32>(b, s + direction.y * direction.y * a, -direction.y);
+    // Along a wall of a box: far enough from parallel to divide by.
+    let d = select(direction, vec3<f32>(1e-20), abs(direction) < vec3<f32>(1e-20));
+    return Line(origin, direction, 1.0 / d, u, v);
+}
+
+// The nearest triangle within boxes `begin` to `end`, between `least` and `limit` metres along.
+fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
+    var found = Hit(FAR, 0u, vec3<f32>(0.0));
+    var far = limit;
+    var node = begin;
+    while node < end {
+        if !meets(way, node, far) {
+            node = mesh[2u * node].number;
+            continue;
+        }
+        let leaf = mesh[2u * node + 1u].number;
+        let first = leaf >> MESH_COUNT_BITS;
+        for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
+            let at = crossed(way, first + k);
+            if at.x >= least && at.x < far {
+                far = at.x;
+                found = Hit(far, first + k, at.yzw);
+            }
+        }
+        node++;
+    }
+    return found;
+}
+
+// Whether a triangle stands within `limit` metres.
+fn blocked(way: Line, limit: f32) -> bool {
+    var node = 0u;
+    while node < params.nodes {
+        if !meets(way, node, limit) {
+            node = mesh[2u * node].number;
+            continue;
+        }
+        let leaf = mesh[2u * node + 1u].number;
+        let first = leaf >> MESH_COUNT_BITS;
+        for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
+            let at = crossed(way, first + k);
+            if at.x >= 0.0 && at.x < limit {
+                return true;
+            }
+        }
+        node++;
+    }
+    return false;
+}
+
+// Whether the ray meets a box within `limit` metres.
+fn meets(way: Line, node: u32, limit: f32) -> bool {
+    let lower = (place(2u * node) - way.origin) * way.inverse;
+    let upper = (place(2u * node + 1u) - way.origin) * way.inverse;
+    let first = min(lower, upper);
+    let last = max(lower, upper);
+    let near = max(max(first.x, first.y), max(first.z, 0.0));
+    let far = min(min(last.x, last.y), min(last.z, limit));
+    // Distances are good to a few units in the last place.
+    return near <= far * 1.000002;
+}
+
+// Where the ray crosses a triangle: metres along, -1 where it does not; weights of the corners.
+fn crossed(way: Line, triangle: u32) -> vec4<f32> {
+    let at = 2u * params.nodes + 6u * triangle;
+    let a = seen(way, place(at));
+    let b = seen(way, place(at + 1u));
+    let c = seen(way, place(at + 2u));
+    let first = vec3<f32>(b.x * c.y, c.x * a.y, a.x * b.y);
+    let second = vec3<f32>(b.y * c.x, c.y * a.x, a.y * b.x);
+    let edges = first - second;
+    let slack = MESH_SLACK * (abs(first) + abs(second));
+    if !all(edges >= -slack) && !all(edges <= slack) {
+        return vec4<f32>(-1.0);
+    }
+    let s = select(-1.0, 1.0, edges.x + edges.y + edges.z >= 0.0);
+    let inside = max(s * edges, vec3<f32>(0.0));
+    let sum = inside.x + inside.y + inside.z;
+    if sum <= 0.0 {
+        return vec4<f32>(-1.0);
+    }
+    let weights = inside / sum;
+    return vec4<f32>(weights.x * a.z + weights.y * b.z + weights.z * c.z, weights);
+}
+
+// The place of a record.
+fn place(record: u32) -> vec3<f32> {
+    let at = mesh[record];
+    return vec3<f32>(at.x, at.y, at.z);
+}
+
+// A point across and along the ray.
+fn seen(way: Line, point: vec3<f32>) -> vec3<f32> {
+    let p = point - way.origin;
+    return vec3<f32>(dot(p, way.u), dot(p, way.v), dot(p, way.direction));
+}
