@@ -1,5 +1,7 @@
 //! glTF 2.0.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use airlight_core::scene::Material;
 use airlight_formats::mesh::{Format, MeshFile};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -111,7 +113,7 @@ fn nodes_place_their_meshes() {
     let mut placed = document();
     placed["nodes"] = json!([
         { "children": [1, 2], "translation": [10, 0, 0] },
-        { "mesh": 0, "scale": [1, 3, 1], "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476] },
+        { "mesh": 0, "scale": [1, 3, 1], "rotation": [0, 0, FRAC_1_SQRT_2, FRAC_1_SQRT_2] },
         { "mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 5, 0, 1] },
     ]);
     let file = load(&placed).unwrap();
