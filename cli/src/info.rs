@@ -172,8 +172,12 @@ impl std::fmt::Debug for PhaseName<'_> {
 }
 
 fn rgb(v: Vec3) -> [f64; 3] {
-    // As the scene says it: 0.9, not 0.8999999761581421.
-    v.to_array().map(|c| c.to_string().parse().unwrap_or_else(|_| c.into()))
+    v.to_array().map(shortest)
+}
+
+/// As the scene says it: 0.9, not 0.8999999761581421.
+fn shortest(v: f32) -> f64 {
+    v.to_string().parse().unwrap_or_else(|_| v.into())
 }
 
 fn light(light: &Light) -> Value {
@@ -211,7 +215,7 @@ fn material(name: &str, material: &Material) -> Value {
         "name": name,
         "diffuse": rgb(material.diffuse),
         "specular": rgb(material.specular),
-        "shininess": material.shininess,
+        "shininess": shortest(material.shininess),
     })
 }
 

@@ -42,7 +42,7 @@ impl Shape {
     pub fn mesh(self, material: Material) -> Result<Mesh, MeshError> {
         let mut facets = Facets::default();
         match self {
-            Self::Sphere => return sphere(material),
+            Self::Sphere => sphere(material),
             Self::Plane => {
                 let corner = |x: f64, z: f64| DVec3::new(x, 0.0, z);
                 facets.quad([corner(-0.5, 0.5), corner(0.5, 0.5), corner(0.5, -0.5), corner(-0.5, -0.5)], 0);

@@ -94,9 +94,10 @@ pub fn parse(format: Format, path: &Path, bytes: &[u8], open: Open<'_>) -> Resul
         Format::Glb => gltf::parse_binary(path, bytes, open),
     }?;
     if file.mesh.triangles().is_empty() {
-        let what = match file.mesh.degenerate() {
-            0 => "the file holds no triangles".to_owned(),
-            n => format!("none of its {n} triangles has an area"),
+        let what = match (file.mesh.degenerate(), &file.warnings[..]) {
+            (0, []) => "the file holds no triangles".to_owned(),
+            (0, warnings) => format!("the file holds no triangles; {}", warnings.join("; ")),
+            (n, _) => format!("none of its {n} triangles has an area"),
         };
         return Err(FormatError::content(path, None, what));
     }

@@ -252,13 +252,16 @@ impl Obj {
             missing.push(format!("no mtllib says what {list} is; the default, grey of 0.7, is taken instead"));
         }
         if self.lines_and_points > 0 {
-            warnings.push(format!("{} lines and points are left out", self.lines_and_points));
+            warnings.push(format!("lines and points, left out ({})", self.lines_and_points));
         }
         if self.free_form > 0 {
-            warnings.push(format!("{} free-form curves and surfaces are left out; export polygons", self.free_form));
+            warnings.push(format!("free-form curves and surfaces, left out; export polygons ({})", self.free_form));
         }
-        let material = |name: String| (library.get(&name).copied().unwrap_or_default(), name);
-        let materials = self.names.into_iter().map(|n| material(n)).map(|(m, n): (Material, _)| (n, m)).collect();
+        let material = |name: String| {
+            let material: Material = library.get(&name).copied().unwrap_or_default();
+            (name, material)
+        };
+        let materials = self.names.into_iter().map(material).collect();
         Parsed { format: Format::Obj, soup: self.soup, materials, files, warnings, missing }.finish(path)
     }
 }

@@ -1,5 +1,7 @@
 //! glTF 2.0.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use airlight_core::scene::Material;
 use airlight_formats::mesh::{Format, MeshFile};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -89,7 +91,8 @@ fn triangles_strips_and_fans_of_every_index_cover_the_rectangle() {
         assert_eq!(file.mesh.positions().len(), 4);
     }
     let nothing = with("/meshes/0/primitives/0", json!({ "attributes": { "POSITION": 0 }, "mode": 1 }));
-    assert_eq!(load(&nothing).unwrap_err(), "room: the file holds no triangles");
+    let told = load(&nothing).unwrap_err();
+    assert_eq!(told, "room: the file holds no triangles; primitives of lines or points, left out (1)");
 }
 
 #[test]
@@ -110,7 +113,7 @@ fn nodes_place_their_meshes() {
     let mut placed = document();
     placed["nodes"] = json!([
         { "children": [1, 2], "translation": [10, 0, 0] },
-        { "mesh": 0, "scale": [1, 3, 1], "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476] },
+        { "mesh": 0, "scale": [1, 3, 1], "rotation": [0, 0, FRAC_1_SQRT_2, FRAC_1_SQRT_2] },
         { "mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 5, 0, 1] },
     ]);
     let file = load(&placed).unwrap();
@@ -209,8 +212,8 @@ fn materials_are_mapped_and_what_is_not_read_is_told() {
             "pictures on surfaces are not read, their factors are taken: 'bark.png', 'texture 1'",
             "surfaces are opaque; transparency is left out: 'Bark'",
             "surfaces do not shine; emission is left out: 'Bark'",
-            "1 nodes have skins, which are left out; the mesh stands in its bind pose",
-            "1 animations are left out",
+            "nodes with skins, which are left out: the mesh stands in its bind pose (1)",
+            "animations, left out (1)",
         ]
     );
     let bare = load(&document()).unwrap();
@@ -260,14 +263,14 @@ fn faults_are_told_with_their_place() {
         ),
         ("/bufferViews/0/byteOffset", json!(u64::MAX), "accessors[0]: bufferView 0 is 96 bytes from byte"),
         ("/bufferViews/0/byteStride", json!(8), "bufferView 0 has byteStride 8 for elements of 12 bytes"),
-        ("/bufferViews/0/buffer", json!(7), "accessors[0]: buffer 7 of 1"),
+        ("/bufferViews/0/buffer", json!(7), "accessors[0]: bufferView 0 names buffer 7; the file has 1"),
         (
             "/accessors/0/count",
             json!(9),
             "accessors[0]: 9 elements of 12 bytes, 12 apart, from byte 0 do not fit bufferView 0, which has 96 bytes",
         ),
         ("/accessors/0/count", json!(u64::MAX), "do not fit bufferView 0"),
-        ("/accessors/0/bufferView", json!(9), "accessors[0]: bufferView 9 of 4"),
+        ("/accessors/0/bufferView", json!(9), "accessors[0]: there is no bufferView 9; the file has 4"),
         (
             "/accessors/0/bufferView",
             json!(null),

@@ -99,8 +99,8 @@ fn what_is_left_out_is_told() {
             "a.mtl: 'Kd of x', 'Ns of x': taken as 1, or as 100000 for Ns, the largest that can be",
             "a.mtl: pictures on surfaces are not read: 'wood.png'",
             "a.mtl: surfaces are opaque; transparency is left out: 'x'",
-            "2 lines and points are left out",
-            "1 free-form curves and surfaces are left out; export polygons",
+            "lines and points, left out (2)",
+            "free-form curves and surfaces, left out; export polygons (1)",
             "1 of 2 triangles have no area and are left out",
         ]
     );

@@ -115,9 +115,13 @@ impl<'a> Data<'a> {
         stride: Option<u64>,
     ) -> Result<(&[u8], usize), String> {
         let views = &self.root.buffer_views;
-        let v = views.get(view).ok_or_else(|| format!("bufferView {view} of {}", views.len()))?;
+        let v =
+            views.get(view).ok_or_else(|| format!("there is no bufferView {view}; the file has {}", views.len()))?;
         let all = self.buffers.len();
-        let buffer = self.buffers.get(v.buffer).ok_or_else(|| format!("buffer {} of {all}", v.buffer))?;
+        let buffer = self
+            .buffers
+            .get(v.buffer)
+            .ok_or_else(|| format!("bufferView {view} names buffer {}; the file has {all}", v.buffer))?;
         // A buffer may be followed by padding that is not its own.
         let own = usize::try_from(self.root.buffers[v.buffer].byte_length).unwrap_or(usize::MAX).min(buffer.len());
         let span = |from: u64, length: u64| {

@@ -152,15 +152,15 @@ struct LeftOut {
 impl LeftOut {
     fn tell(&self, root: &Root, warnings: &mut Vec<String>) {
         for (count, what) in [
-            (self.lines_and_points, "primitives of lines or points are left out"),
-            (self.morphs, "primitives have morph targets, which are left out"),
-            (self.skins, "nodes have skins, which are left out; the mesh stands in its bind pose"),
-            (self.colors, "primitives have vertex colours, which are left out"),
-            (self.flat_nodes, "nodes are scaled to nothing along an axis"),
-            (root.animations.len(), "animations are left out"),
+            (self.lines_and_points, "primitives of lines or points, left out"),
+            (self.morphs, "primitives with morph targets, which are left out"),
+            (self.skins, "nodes with skins, which are left out: the mesh stands in its bind pose"),
+            (self.colors, "primitives with vertex colours, which are left out"),
+            (self.flat_nodes, "nodes scaled to nothing along an axis"),
+            (root.animations.len(), "animations, left out"),
         ] {
             if count > 0 {
-                warnings.push(format!("{count} {what}"));
+                warnings.push(format!("{what} ({count})"));
             }
         }
     }
