@@ -50,7 +50,8 @@ impl Fire {
         let billow = value(&self.billows, p);
         // 1 on the axis, 0 at the rim.
         let inside = 1.0 - radius / width;
-        let flame = rise(0.0, 0.8, inside + 0.75 * torn - 0.7 * rise(0.3, FLAMES, y)) * (1.0 - rise(0.6 * FLAMES, FLAMES, y));
+        let flame =
+            rise(0.0, 0.8, inside + 0.75 * torn - 0.7 * rise(0.3, FLAMES, y)) * (1.0 - rise(0.6 * FLAMES, FLAMES, y));
         let smoke = rise(-0.1, 0.5, inside + 0.75 * billow) * rise(0.4, 1.4, y) * (1.0 - rise(1.6, 2.35, y));
         let density = 0.35 * flame + 0.9 * smoke * (1.0 - 0.8 * flame);
         let core = flame * (1.0 - 0.25 * rise(0.0, FLAMES, y));
