@@ -142,6 +142,43 @@ fn every_grid_that_a_file_holds_can_be_asked_for_and_no_other() {
 }
 
 #[test]
+fn grids_beside_the_density_are_asked_for_by_name() {
+    let bench = Workbench::new();
+    let grid = |value: f32| Grid::dense(UVec3::new(3, 4, 5), DAffine3::IDENTITY, vec![value; 60]).unwrap();
+    let path = bench.path("several.vdb");
+    let (density, soot, share, heat) = (grid(0.5), grid(0.25), grid(0.75), grid(1500.0));
+    let grids = [("density", &density), ("soot", &soot), ("share", &share), ("heat", &heat)];
+    write_vdb(&path, &grids, VdbWriteOptions::default()).unwrap();
+    let scene = bench.grid_scene("several", &path);
+    let scene = scene.to_str().unwrap();
+    let set = |key: &str, name: &str| ["--set".to_owned(), format!("medium.{key}={name}")];
+    for key in ["albedo_grid", "absorption_grid", "temperature_grid"] {
+        let [set, to] = set(key, "smoke");
+        let words = [key, "no grid 'smoke'", "'density', 'soot', 'share', 'heat'"];
+        bench.refused(["render", scene, "--set", "medium.emission=1", &set, &to], 2, &words);
+    }
+    let [set_heat, heat] = set("albedo_grid", "heat");
+    bench.refused(["render", scene, &set_heat, &heat], 2, &["albedo_grid", "albedo 1500 at voxel (0, 0, 0)", "0 to 1"]);
+    // Formats of one grid hold no other.
+    let single = bench.grid_scene("single", &bench.write("a.nrrd", nrrd(DIMS, &ramp(DIMS))));
+    let [set_soot, soot] = set("absorption_grid", "soot");
+    bench.refused(["render", single.to_str().unwrap(), &set_soot, &soot], 2, &["absorption_grid", "soot", "density"]);
+
+    let mut text = std::fs::read_to_string(scene).unwrap();
+    let keys = "emission = 2\nalbedo_grid = 'share'\nabsorption_grid = 'soot'\ntemperature_grid = 'heat'\n";
+    text = text.replace("kind = \"grid\"", &format!("kind = \"grid\"\n{keys}"));
+    let scene = bench.write("all.toml", text);
+    let told = bench.json(["info".as_ref(), scene.as_os_str(), "--json".as_ref()]);
+    let fields = &told["optics"]["fields"];
+    assert_eq!(fields["scattering"], serde_json::json!([0.375, 0.375, 0.375]));
+    // Luminance 1 at the reference, in the red of 1500 K.
+    let glow = fields["emission_color"].as_array().unwrap();
+    assert!(glow[0].as_f64().unwrap() > 1.0 && glow[2].as_f64().unwrap() == 0.0, "{told:#}");
+    assert_eq!(told["medium"]["range"][1], 0.75);
+    bench.run(["render".as_ref(), scene.as_os_str()]).well();
+}
+
+#[test]
 fn a_grid_of_nothing_is_a_clear_sky() {
     let bench = Workbench::new();
     let scene = bench.grid_scene("empty", &fixture("empty.vdb"));

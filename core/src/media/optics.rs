@@ -9,7 +9,8 @@ use super::{LARGEST, Phase, PhaseError, in_range};
 pub struct Optics {
     /// Extinction coefficient per unit of density, in 1/m; not negative.
     pub extinction: Vec3,
-    /// Single-scattering albedo, 0 to 1.
+    /// Scattering coefficient per unit of the density that scatters, relative to `extinction`: the single-scattering albedo
+    /// where all of the density scatters; 0 to 1.
     pub albedo: Vec3,
     /// Emission coefficient per unit of emission density, in W m⁻³ sr⁻¹; not negative.
     pub emission: Vec3,
