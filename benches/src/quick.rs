@@ -7,7 +7,8 @@ use airlight::device::Device;
 
 use crate::{Frame, Rig, STAGES, View, density, lattice, scene};
 
-type Fault = Box<dyn std::error::Error>;
+/// What ends a measurement.
+pub type Fault = Box<dyn std::error::Error>;
 
 /// What was measured, and how long a run takes.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +34,7 @@ impl Timing {
         self.elements.map(|(n, _)| n as f64 / self.median.as_secs_f64())
     }
 
-    fn new(name: impl Into<String>, mut runs: Vec<Duration>, elements: Option<(u64, &'static str)>) -> Self {
+    pub(crate) fn new(name: impl Into<String>, mut runs: Vec<Duration>, elements: Option<(u64, &'static str)>) -> Self {
         runs.sort();
         let (fastest, slowest) = (runs[0], runs[runs.len() - 1]);
         Self { name: name.into(), median: runs[runs.len() / 2], fastest, slowest, runs: runs.len(), elements }
