@@ -152,6 +152,20 @@ mod tests {
     }
 
     #[test]
+    fn a_fault_ends_what_is_measured_and_keeps_what_was() {
+        let open = || {
+            let inner = airlight::open("cpu")?;
+            let broken = airlight::device::Faulty::new(inner, "project", airlight::device::Fault::Fail);
+            Ok(Box::new(broken) as Box<dyn Device>)
+        };
+        let mut told = Vec::new();
+        let error = measure(open, |timing| told.push(timing.name)).unwrap_err();
+        assert!(error.to_string().contains("project was broken"), "{error}");
+        let before: Vec<_> = names().into_iter().take_while(|name| name != "stage/project").collect();
+        assert_eq!(told, before);
+    }
+
+    #[test]
     fn a_device_that_cannot_be_opened_is_an_error() {
         assert!(measure(|| Err("it is gone".into()), |_| panic!("there is nothing to tell")).is_err());
     }

@@ -5,6 +5,19 @@ use serde_json::Value;
 
 use crate::workbench::Workbench;
 
+/// An object must have these fields and no others.
+#[track_caller]
+fn has(object: &Value, fields: &str) {
+    let mut expected: Vec<_> = fields.split_whitespace().collect();
+    expected.sort_unstable();
+    let mut found: Vec<_> = object.as_object().unwrap().keys().map(String::as_str).collect();
+    found.sort_unstable();
+    assert_eq!(found, expected);
+}
+
+/// Fields of a device.
+const DEVICE: &str = "id name kind memory_bytes limits features unusable filter_bits";
+
 #[test]
 fn every_entry_is_measured_on_a_device_that_is_named() {
     let bench = Workbench::new();
@@ -12,9 +25,13 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
     let told = bench.json(["bench", "--device", "cpu", "--device", "cpu:0", "--json"]);
     let [device] = told["devices"].as_array().unwrap().as_slice() else { panic!("{told:#}") };
     assert_eq!((&device["device"]["id"], &device["fault"]), (&"cpu:0".into(), &Value::Null));
+    has(&told, "version devices absent");
+    has(device, "device entries fault");
+    has(&device["device"], DEVICE);
     let entries = device["entries"].as_array().unwrap();
     assert_eq!(entries.iter().map(|e| e["name"].as_str().unwrap()).collect::<Vec<_>>(), quick::names());
     for entry in entries {
+        has(entry, "name seconds fastest slowest runs elements unit per_second ratio");
         let number = |key: &str| entry[key].as_f64().unwrap_or_else(|| panic!("{key} of {entry:#}"));
         assert!(number("fastest") <= number("seconds") && number("seconds") <= number("slowest"), "{entry:#}");
         assert!(number("runs") >= 1.0, "{entry:#}");
@@ -37,12 +54,16 @@ fn tables_of_papers_are_told_whole() {
     let told = bench.json([&arguments[..], &["--json"]].concat());
     assert_eq!((&told["devices"][0]["id"], &told["absent"]), (&"cpu:0".into(), &serde_json::json!([])));
     let [table] = told["tables"].as_array().unwrap().as_slice() else { panic!("{told:#}") };
+    has(&told, "version devices tables absent");
+    has(&told["devices"][0], DEVICE);
+    has(table, "name title paper hardware ours rows");
     assert_eq!(table["name"], "001-table-3");
     assert!(["title", "paper", "hardware", "ours"].iter().all(|key| table[key].is_string()), "{table:#}");
     let expected = papers::tables().into_iter().find(|t| t.name == "001-table-3").unwrap();
     let rows = table["rows"].as_array().unwrap();
     assert_eq!(rows.len(), expected.rows.len());
     for (row, expected) in rows.iter().zip(&expected.rows) {
+        has(row, "at paper entries");
         for (axis, at) in expected_axes(&expected.at) {
             assert_eq!(row["at"][axis], at, "{row:#}");
         }
@@ -50,6 +71,7 @@ fn tables_of_papers_are_told_whole() {
         let entries = row["entries"].as_array().unwrap();
         assert_eq!(entries.iter().map(|e| e["form"].as_str().unwrap()).collect::<Vec<_>>(), ["ours", "published"]);
         for entry in entries {
+            has(entry, "device form seconds fastest slowest runs frames_per_second stages skipped fault");
             assert_eq!((&entry["device"], &entry["runs"]), (&"cpu:0".into(), &0.into()));
             assert!(entry["skipped"].as_str().unwrap().contains("more than 0 s"), "{entry:#}");
             let empty = ["seconds", "fastest", "slowest", "frames_per_second", "stages", "fault"];
