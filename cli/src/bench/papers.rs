@@ -40,6 +40,12 @@ pub(super) fn run(
     let mut faults = Vec::new();
     let mut all = Vec::new();
     if !json {
+        output::line("# Speed in the papers' tables\n")?;
+        let seconds = limit.as_secs_f64();
+        output::line(&format!(
+            "By `airlight bench --papers`, version {}: medians of a few frames a second, at most {seconds} s an entry.\n",
+            env!("CARGO_PKG_VERSION")
+        ))?;
         for info in subjects {
             output::line(&format!("- `{}`: {}", info.id(), info.name))?;
         }
@@ -104,8 +110,7 @@ impl Measured<'_> {
             String::new(),
             format!("## {}: {}", table.name, table.title),
             String::new(),
-            format!("Frames a second. *Paper*: {}; {}.", table.paper, table.hardware),
-            table.ours.to_owned(),
+            format!("Frames a second. *Paper*: {}; {}. {}", table.paper, table.hardware, table.ours),
             String::new(),
         ];
         let mut heads: Vec<String> = table.axes.iter().map(|&axis| axis.into()).collect();
