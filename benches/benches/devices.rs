@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use airlight::Renderer;
 use airlight::device::Device;
+use airlight::stage::propagate::scheme;
 use airlight_benches::{Frame, Rig, STAGES, View, density, gaussians, lattice, scene, trilinear_sum};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
@@ -68,6 +69,24 @@ fn injections(criterion: &mut Criterion) {
     }
 }
 
+/// Columns toward lights: by cells along the longest side, lights and scheme (Giroud and Biri 2011, table 2).
+fn propagations(criterion: &mut Criterion) {
+    for cells in [18, 36, 72] {
+        let sides = [cells, cells * 2 / 3, cells * 7 / 9];
+        for lights in [1, 4, 8] {
+            for (name, scheme) in [("ours", scheme::SHORT_CHARACTERISTICS), ("published", scheme::PUBLISHED)] {
+                let mut group = group(criterion, &format!("propagate/{lights}-in-{cells}-{name}"));
+                for id in devices() {
+                    let mut rig = Rig::new(open(&id)).expect("the density fits");
+                    let (stage, elements) = rig.propagate(sides, lights, scheme).expect("its resources fit");
+                    group.throughput(Throughput::Elements(elements));
+                    group.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
+                }
+            }
+        }
+    }
+}
+
 fn frames(criterion: &mut Criterion) {
     for frame in Frame::ALL {
         let mut group = group(criterion, &format!("frame/{}", frame.name()));
@@ -120,5 +139,5 @@ fn baseline(criterion: &mut Criterion) {
     group.bench_function("safe-rust", |b| b.iter(|| trilinear_sum(&values, &view)));
 }
 
-criterion_group!(benches, baseline, stages, injections, frames, prepare);
+criterion_group!(benches, baseline, stages, injections, propagations, frames, prepare);
 criterion_main!(benches);

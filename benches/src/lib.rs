@@ -3,6 +3,7 @@
 
 mod baseline;
 mod frames;
+pub mod papers;
 pub mod quick;
 mod stages;
 
@@ -12,8 +13,9 @@ pub use stages::{Rig, STAGES, View, gaussians};
 
 use std::sync::Arc;
 
-use airlight::glam::{DVec3, UVec3};
+use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
+use rayon::prelude::*;
 
 /// Voxels along x, y and z: 1.5 million, more than the caches of a core hold.
 pub const DIMS: UVec3 = UVec3::new(144, 96, 112);
@@ -28,20 +30,24 @@ pub fn lattice() -> Lattice {
 
 /// Two lumps in empty space, with ripples: about a third of the voxels are not zero.
 pub fn density() -> Vec<f32> {
-    let size = DIMS.as_vec3();
-    let mut values = Vec::with_capacity(DIMS.element_product() as usize);
-    for k in 0..DIMS.z {
-        for j in 0..DIMS.y {
-            for i in 0..DIMS.x {
-                let p = airlight::glam::Vec3::new(i as f32, j as f32, k as f32) / size - 0.5;
-                let big = 0.40 - (p - airlight::glam::Vec3::new(-0.1, -0.05, 0.0)).length();
-                let small = 0.22 - (p - airlight::glam::Vec3::new(0.3, 0.2, 0.15)).length();
-                let ripples = (i as f32 * 0.37).sin() * (j as f32 * 0.29).sin() * (k as f32 * 0.23).sin();
-                values.push((8.0 * big.max(small) + 0.5 * ripples).clamp(0.0, 1.0));
-            }
-        }
-    }
+    let slice = (DIMS.x * DIMS.y) as usize;
+    let mut values = vec![0.0; slice * DIMS.z as usize];
+    values.chunks_exact_mut(slice).zip(0..).for_each(|(out, k)| fill_slice(DIMS, k, out));
     values
+}
+
+/// Slice `k` of [`density`] on as many voxels as one likes.
+fn fill_slice(dims: UVec3, k: u32, out: &mut [f32]) {
+    let size = dims.as_vec3();
+    out.par_chunks_exact_mut(dims.x as usize).zip(0..dims.y).for_each(|(row, j)| {
+        let across = (j as f32 * 0.29).sin() * (k as f32 * 0.23).sin();
+        for (value, i) in row.iter_mut().zip(0u32..) {
+            let p = Vec3::new(i as f32, j as f32, k as f32) / size - 0.5;
+            let big = 0.40 - (p - Vec3::new(-0.1, -0.05, 0.0)).length();
+            let small = 0.22 - (p - Vec3::new(0.3, 0.2, 0.15)).length();
+            *value = (8.0 * big.max(small) + 0.5 * (i as f32 * 0.37).sin() * across).clamp(0.0, 1.0);
+        }
+    });
 }
 
 /// The density as a medium with a version of its own.

@@ -7,7 +7,8 @@ use airlight::device::Device;
 
 use crate::{Frame, Rig, STAGES, View, density, lattice, scene};
 
-type Fault = Box<dyn std::error::Error>;
+/// What ends a measurement.
+pub type Fault = Box<dyn std::error::Error>;
 
 /// What was measured, and how long a run takes.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +34,7 @@ impl Timing {
         self.elements.map(|(n, _)| n as f64 / self.median.as_secs_f64())
     }
 
-    fn new(name: impl Into<String>, mut runs: Vec<Duration>, elements: Option<(u64, &'static str)>) -> Self {
+    pub(crate) fn new(name: impl Into<String>, mut runs: Vec<Duration>, elements: Option<(u64, &'static str)>) -> Self {
         runs.sort();
         let (fastest, slowest) = (runs[0], runs[runs.len() - 1]);
         Self { name: name.into(), median: runs[runs.len() / 2], fastest, slowest, runs: runs.len(), elements }
@@ -148,6 +149,20 @@ mod tests {
         assert_eq!([timing.fastest, timing.median, timing.slowest], [1, 3, 9].map(Duration::from_millis));
         // Two numbers of f64, of which one is a thousandth's rounding.
         assert!((timing.rate().unwrap() - 2e6).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_fault_ends_what_is_measured_and_keeps_what_was() {
+        let open = || {
+            let inner = airlight::open("cpu")?;
+            let broken = airlight::device::Faulty::new(inner, "project", airlight::device::Fault::Fail);
+            Ok(Box::new(broken) as Box<dyn Device>)
+        };
+        let mut told = Vec::new();
+        let error = measure(open, |timing| told.push(timing.name)).unwrap_err();
+        assert!(error.to_string().contains("project was broken"), "{error}");
+        let before: Vec<_> = names().into_iter().take_while(|name| name != "stage/project").collect();
+        assert_eq!(told, before);
     }
 
     #[test]

@@ -145,7 +145,7 @@ impl Rig {
         let (made, unit) = match name {
             "reduce" => (self.reduce(), "voxels"),
             "project" => (self.project(), "cells"),
-            "propagate" => (self.propagate(), "cells"),
+            "propagate" => (self.propagate(CELLS, 1, scheme::SHORT_CHARACTERISTICS), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
             "trace" => (self.trace(view).map(|(trace, rays)| (Stage::Trace(trace), rays)), "rays"),
@@ -191,7 +191,7 @@ impl Rig {
     /// `reduce` to cells of 8³ voxels. Its elements are the voxels.
     fn reduce(&mut self) -> Result<(Stage, u64), DeviceError> {
         let coarse = DIMS.to_array().map(|d| d.div_ceil(8));
-        let out = self.make(cells(coarse), Usage::Work)?;
+        let out = self.make(count(coarse), Usage::Work)?;
         let params =
             ReduceParams::new(DIMS.extend(0).to_array(), [coarse[0], coarse[1], coarse[2], 0], [8.0, 8.0, 8.0, 0.0]);
         Ok((Stage::Reduce(Reduce { params, density: self.density, other: None, out }), lattice().voxels()))
@@ -224,45 +224,64 @@ impl Rig {
             weights: self.fill(&weights)?,
             emission_weights: None,
             phase_table: None,
-            records: self.make(cells(CELLS) * u64::from(BANDS * BANDS), Usage::Work)?,
+            records: self.make(count(CELLS) * u64::from(BANDS * BANDS), Usage::Work)?,
             emission_records: None,
         };
-        Ok((Stage::Project(stage), cells(CELLS)))
+        Ok((Stage::Project(stage), count(CELLS)))
     }
 
-    /// `propagate` by short characteristics, from a light in the middle. Its elements are the cells.
-    fn propagate(&mut self) -> Result<(Stage, u64), DeviceError> {
+    /// `propagate` by a scheme (a constant of [`scheme`]), from so many lights within the box, over `cells`. Its elements
+    /// are the cells of all lights.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn propagate(&mut self, cells: [u32; 3], lights: u32, scheme: u32) -> Result<(Stage, u64), DeviceError> {
         let (lattice, grid) = (lattice(), GridParams::new(&lattice()));
-        let light = Light::Point { position: lattice.center() + 0.3 * lattice.edges(), intensity: Vec3::ONE };
-        let place = LightPlace::new(&light, &lattice, CELLS, scheme::SHORT_CHARACTERISTICS);
-        let faces = propagate::faces(&[place], CELLS);
+        let place = |n: u32| {
+            let angle = std::f64::consts::TAU * f64::from(n) / f64::from(lights);
+            let size = lattice.edges() * DIMS.as_dvec3();
+            let position = lattice.center() + 0.3 * size * DVec3::new(angle.cos(), 0.7, angle.sin());
+            LightPlace::new(&Light::Point { position, intensity: Vec3::ONE }, &lattice, cells, scheme)
+        };
+        let places: Vec<_> = (0..lights).map(place).collect();
+        let layers = lights.div_ceil(PropagateParams::LANES);
         let mut params = PropagateParams::zeroed();
         params.dims = grid.dims;
         [params.world_x, params.world_y, params.world_z] = grid.world;
-        params.cells = [CELLS[0], CELLS[1], CELLS[2], 1];
-        let side = |a: usize| DIMS[a] as f32 / CELLS[a] as f32;
+        params.cells = [cells[0], cells[1], cells[2], layers];
+        let side = |a: usize| DIMS[a] as f32 / cells[a] as f32;
         params.cell = [side(0), side(1), side(2), lattice.shortest_edge() as f32];
-        (params.lights, params.steps, params.scheme) = (1, faces.len() as u32, scheme::SHORT_CHARACTERISTICS);
-        params.items = PropagateParams::most_items(CELLS, 1, params.scheme).unwrap_or(0);
+        (params.lights, params.steps, params.scheme) = (lights, propagate::steps(&places, cells, scheme), scheme);
+        params.items = PropagateParams::most_items(cells, lights, scheme).unwrap_or(0);
+        let (mut occupancy, mut faces) = (None, None);
+        if scheme == scheme::SHORT_CHARACTERISTICS {
+            faces = Some(self.fill(&propagate::faces(&places, cells))?);
+        } else {
+            let out = self.make(count(cells), Usage::Work)?;
+            let sides = [side(0), side(1), side(2), 0.0];
+            let params = ReduceParams::new(grid.dims, [cells[0], cells[1], cells[2], 0], sides);
+            self.run(&Stage::Reduce(Reduce { params, density: self.density, other: None, out }))?;
+            occupancy = Some(out);
+        }
         let stage = Propagate {
             params,
             density: self.density,
-            occupancy: None,
-            lights: self.fill(&[place])?,
-            faces: Some(self.fill(&faces)?),
-            out: self.make(4 * cells(CELLS), Usage::Work)?,
+            occupancy,
+            lights: self.fill(&places)?,
+            faces,
+            out: self.make(u64::from(PropagateParams::LANES * layers) * count(cells), Usage::Work)?,
         };
-        Ok((Stage::Propagate(stage), cells(CELLS)))
+        Ok((Stage::Propagate(stage), u64::from(lights) * count(cells)))
     }
 
     /// `relight` of 9 coefficients to one layer. Its elements are the cells.
     fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
-        let (count, coefficients) = (cells(CELLS), BANDS * BANDS);
-        let records: Vec<f32> = (0..count * u64::from(coefficients)).map(|n| (n % 17) as f32 / 17.0).collect();
+        let (cells, coefficients) = (count(CELLS), BANDS * BANDS);
+        let records: Vec<f32> = (0..cells * u64::from(coefficients)).map(|n| (n % 17) as f32 / 17.0).collect();
         let light: Vec<[f32; 4]> = (0..coefficients).map(|k| [1.0 / (k + 1) as f32; 4]).collect();
         let stage = Relight {
             params: RelightParams {
-                cells: count as u32,
+                cells: cells as u32,
                 coefficients,
                 channels: 1,
                 layers: 1,
@@ -274,9 +293,9 @@ impl Rig {
             records: self.fill(&records)?,
             emission_records: None,
             light: self.fill(&light)?,
-            out: self.make(count, Usage::Work)?,
+            out: self.make(cells, Usage::Work)?,
         };
-        Ok((Stage::Relight(stage), count))
+        Ok((Stage::Relight(stage), cells))
     }
 
     /// `march` without light, without stepping over empty space and without rays that end early: bare lookups and
@@ -421,7 +440,7 @@ fn four(v: DVec3) -> [f32; 4] {
     v.as_vec3().extend(0.0).to_array()
 }
 
-fn cells(sides: [u32; 3]) -> u64 {
+fn count(sides: [u32; 3]) -> u64 {
     sides.iter().map(|&n| u64::from(n)).product()
 }
 
@@ -436,6 +455,17 @@ mod tests {
             names
         };
         assert_eq!(sorted(STAGES.to_vec()), sorted(Stage::NAMES.to_vec()));
+    }
+
+    #[test]
+    fn columns_spread_by_every_scheme_from_many_lights() {
+        let mut rig = Rig::new(airlight::open("cpu").unwrap()).unwrap();
+        for scheme in [scheme::SHORT_CHARACTERISTICS, scheme::METRIC, scheme::PUBLISHED] {
+            let (stage, elements) = rig.propagate([6, 4, 5], 9, scheme).unwrap();
+            stage.validate().unwrap();
+            assert_eq!(elements, 9 * 120);
+            rig.run(&stage).unwrap();
+        }
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! `airlight bench`
 
+mod papers;
+
 use std::time::Duration;
 
 use airlight::device::DeviceInfo;
@@ -16,9 +18,13 @@ pub(crate) struct Options {
     /// there is. Ratios are to the first.
     #[arg(long, value_name = "ID")]
     device: Vec<String>,
-    /// Repeat the papers' own measurements. Not built yet.
-    #[arg(long)]
-    papers: bool,
+    /// Repeat the papers' own measurements instead: all tables, or those whose name begins with TABLE (001,
+    /// 001-table-3). Prints Markdown. Minutes a device.
+    #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
+    papers: Option<String>,
+    /// The most seconds that an entry of --papers may take; what would take longer is skipped, and said to be.
+    #[arg(long, value_name = "S", requires = "papers", default_value_t = airlight_benches::papers::LIMIT.as_secs_f64())]
+    time_limit: f64,
     /// Print JSON (see docs/json.md).
     #[arg(long)]
     json: bool,
@@ -38,11 +44,14 @@ impl Measured {
 }
 
 pub(crate) fn run(options: &Options) -> Done {
-    if options.papers {
-        return Err(Failure::input("--papers: the papers' own measurements are not built yet; leave it out"));
-    }
+    let wanted = options.papers.as_deref().map(papers::tables).transpose()?;
+    let limit = Duration::try_from_secs_f64(options.time_limit)
+        .map_err(|_| Failure::input(format!("--time-limit {}: it must be a number of seconds", options.time_limit)))?;
     let mut absent = Vec::new();
     let subjects = subjects(&options.device, &mut absent)?;
+    if let Some(tables) = wanted {
+        return papers::run(&tables, &subjects, &absent, limit, options.json);
+    }
     let measured: Vec<_> = subjects.into_iter().map(measure).collect();
     if options.json {
         output::json(&report(&measured, &absent))?;

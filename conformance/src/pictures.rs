@@ -279,6 +279,18 @@ fn spot() -> Light {
     Light::spot(from, to, Vec3::splat(4.0), 15.0, 20.0).expect("the reference's spot")
 }
 
+/// The reference's Gaussians under its lamp, with the medium's shadow marched.
+///
+/// # Errors
+/// A missing or damaged file.
+pub fn gaussians() -> Result<Scene, Failed> {
+    let mut scene = scene()?;
+    (scene.medium, scene.optics) = (blobs()?, Optics::grey(8.0, 0.9));
+    (scene.lights, scene.quality.step) = (vec![lamp()], 1.0);
+    scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() }));
+    Ok(scene)
+}
+
 /// The lights of the reference, each with its name and the picture of the grey, isotropic scene under it.
 pub fn lights() -> [(&'static str, &'static str, Light); 3] {
     [
@@ -347,13 +359,20 @@ fn lit() -> Vec<Picture> {
         Picture {
             settings: format!("{BLOB_CELLS} cells, direct, shadow march, step 1 voxel"),
             without_lamp: true,
-            scene: Box::new(move || {
-                let mut scene = scene()?;
-                (scene.medium, scene.optics) = (blobs()?, Optics::grey(8.0, 0.9));
-                (scene.lights, scene.quality.step) = (vec![lamp()], 1.0);
+            scene: Box::new(gaussians),
+            ..direct("gaussians_point", "blobs_point_single.exr", lamp, |_| ())
+        },
+        Picture {
+            settings: format!("{BLOB_CELLS} cells, opacity, short characteristics, 64 cells, step 1 voxel"),
+            without_lamp: true,
+            scene: Box::new(|| {
+                let mut scene = gaussians()?;
+                scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity::default()));
+                // Their limit leaves room for it, and a step of half a reference voxel is slow.
+                scene.camera.samples = 4;
                 Ok(scene)
             }),
-            ..direct("gaussians_point", "blobs_point_single.exr", lamp, |_| ())
+            ..opacity("gaussians_opacity", "blobs_point_single.exr", 64, lamp, |_| ())
         },
     ]
 }
@@ -417,6 +436,16 @@ pub(crate) fn cases() -> Vec<Case> {
         Case::new(name, checks, move |s, r| picture.run(s, r)).within(tolerance).needs(Need::FieldSide(SIDE))
     };
     let mut cases: Vec<_> = pictures().into_iter().map(case).collect();
+    for (name, file, light) in lights() {
+        let checks = format!("Propagated shadows of the reference's {name} light are the marched ones.");
+        let run = move |subject: &Subject, record: &mut Record| {
+            let Shadows { propagated, marched } = shadows(subject, file, light)?;
+            record.hold("RGB", propagated, marched);
+            Ok(())
+        };
+        let case = Case::new(format!("pictures::propagated_against_march_{name}"), checks, run);
+        cases.push(case.within(&tolerance::PROPAGATED).needs(Need::FieldSide(SIDE)));
+    }
     let checks =
         "The environment's coefficients are those of the reference; no device takes part, but all stand on it.";
     cases.push(
@@ -460,10 +489,36 @@ fn coefficients() -> Result<(Vec<f64>, Vec<f64>), Failed> {
 pub fn against(name: &str, film: &Film) -> Result<Difference, Failed> {
     let expected = truth(name)?;
     check!(film.pixels() == expected.len(), "a film of {} pixels", film.pixels());
-    let keep = |i: usize| name != "point_single.exr" || !beside_lamp(i);
-    let rgb = |pixels: &[[f32; 4]]| {
-        let kept = pixels.iter().enumerate().filter(|(i, _)| keep(*i));
-        kept.flat_map(|(_, p)| [p[0], p[1], p[2]]).map(f64::from).collect::<Vec<_>>()
+    Ok(compare(shown(name, &film.beauty), shown(name, &expected)))
+}
+
+/// RGB of the pixels that count in a picture of the reference set.
+fn shown(name: &str, pixels: &[[f32; 4]]) -> Vec<f64> {
+    let lamp = ["point_single.exr", "blobs_point_single.exr"].contains(&name);
+    let kept = pixels.iter().enumerate().filter(|(i, _)| !(lamp && beside_lamp(*i)));
+    kept.flat_map(|(_, p)| [p[0], p[1], p[2]]).map(f64::from).collect()
+}
+
+/// Shadows of one of [`lights`]: RGB with propagated ones, and with marched ones.
+pub struct Shadows {
+    /// `direct` with `propagated`.
+    pub propagated: Vec<f64>,
+    /// `direct` with `march`.
+    pub marched: Vec<f64>,
+}
+
+/// Renders the reference scene under a light with either shadow, in steps of a voxel with 4 samples a pixel; without the
+/// pixels around the point light where the picture `name` shows it.
+///
+/// # Errors
+/// A missing file; a fault while rendering.
+pub fn shadows(subject: &Subject, name: &str, light: Light) -> Result<Shadows, Failed> {
+    let mut scene = scene()?;
+    (scene.camera.samples, scene.quality.step, scene.lights) = (4, 1.0, vec![light]);
+    let mut renderer = subject.renderer()?;
+    let mut with = |shadow| -> Result<Vec<f64>, Failed> {
+        scene.estimate.lights = Some(LightsEstimate::Direct(Direct { shadow, ..Direct::default() }));
+        Ok(shown(name, &renderer.render(&scene)?.film.beauty))
     };
-    Ok(compare(rgb(&film.beauty), rgb(&expected)))
+    Ok(Shadows { propagated: with(Shadow::Propagated)?, marched: with(Shadow::March)? })
 }

@@ -140,6 +140,11 @@ tolerances! {
         "Interpolation between cells of 64 or 96 along the longest side of 72 voxels, in the field and on the way to it: \
          0.07 to 0.19 %." }
 
+    /// Propagated shadows against marched ones, in 64 cells along the longest side of 72 voxels.
+    PROPAGATED { 5e-3, f64::INFINITY,
+        "Interpolation between cells of a little more than a voxel, and the midpoint rule at a step of a voxel in the march \
+         toward the light." }
+
     /// Lights with propagated shadows against brute force, in cells of half a voxel.
     BRUTE_OPACITY { 1e-2, f64::INFINITY,
         "Interpolation between cells of half a voxel, of a density that is noise from voxel to voxel: 0.5 %." }
@@ -147,6 +152,9 @@ tolerances! {
     /// Columns by short characteristics, in cells of a voxel, against the closed form of a sum of Gaussians.
     COLUMNS { 1e-2, f64::INFINITY,
         "Interpolation between cells, once for each plane that the way crosses, and between voxels: 0.2 to 0.8 %." }
+
+    /// Columns of Gaussians in closed form against the reference's.
+    CLOSED_COLUMNS { 1e-12, 1e-12, "f64 on both sides, sums of forty differences of error functions." }
 
     /// Records of 40 cells against the reference pictures.
     PICTURE_RECORDS { 2e-2, f64::INFINITY,

@@ -1,9 +1,22 @@
 //! `bench`: what it says of which device. No time is asserted.
 
-use airlight_benches::quick;
+use airlight_benches::{papers, quick};
 use serde_json::Value;
 
 use crate::workbench::Workbench;
+
+/// An object must have these fields and no others.
+#[track_caller]
+fn has(object: &Value, fields: &str) {
+    let mut expected: Vec<_> = fields.split_whitespace().collect();
+    expected.sort_unstable();
+    let mut found: Vec<_> = object.as_object().unwrap().keys().map(String::as_str).collect();
+    found.sort_unstable();
+    assert_eq!(found, expected);
+}
+
+/// Fields of a device.
+const DEVICE: &str = "id name kind memory_bytes limits features unusable filter_bits";
 
 #[test]
 fn every_entry_is_measured_on_a_device_that_is_named() {
@@ -12,9 +25,13 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
     let told = bench.json(["bench", "--device", "cpu", "--device", "cpu:0", "--json"]);
     let [device] = told["devices"].as_array().unwrap().as_slice() else { panic!("{told:#}") };
     assert_eq!((&device["device"]["id"], &device["fault"]), (&"cpu:0".into(), &Value::Null));
+    has(&told, "version devices absent");
+    has(device, "device entries fault");
+    has(&device["device"], DEVICE);
     let entries = device["entries"].as_array().unwrap();
     assert_eq!(entries.iter().map(|e| e["name"].as_str().unwrap()).collect::<Vec<_>>(), quick::names());
     for entry in entries {
+        has(entry, "name seconds fastest slowest runs elements unit per_second ratio");
         let number = |key: &str| entry[key].as_f64().unwrap_or_else(|| panic!("{key} of {entry:#}"));
         assert!(number("fastest") <= number("seconds") && number("seconds") <= number("slowest"), "{entry:#}");
         assert!(number("runs") >= 1.0, "{entry:#}");
@@ -30,8 +47,60 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
 }
 
 #[test]
+fn tables_of_papers_are_told_whole() {
+    let bench = Workbench::new();
+    // No time at all: every entry is skipped, and none is left out.
+    let arguments = ["bench", "--device", "cpu", "--papers", "001-table-3", "--time-limit", "0"];
+    let told = bench.json([&arguments[..], &["--json"]].concat());
+    assert_eq!((&told["devices"][0]["id"], &told["absent"]), (&"cpu:0".into(), &serde_json::json!([])));
+    let [table] = told["tables"].as_array().unwrap().as_slice() else { panic!("{told:#}") };
+    has(&told, "version devices tables absent");
+    has(&told["devices"][0], DEVICE);
+    has(table, "name title paper hardware ours rows");
+    assert_eq!(table["name"], "001-table-3");
+    assert!(["title", "paper", "hardware", "ours"].iter().all(|key| table[key].is_string()), "{table:#}");
+    let expected = papers::tables().into_iter().find(|t| t.name == "001-table-3").unwrap();
+    let rows = table["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), expected.rows.len());
+    for (row, expected) in rows.iter().zip(&expected.rows) {
+        has(row, "at paper entries");
+        for (axis, at) in expected_axes(&expected.at) {
+            assert_eq!(row["at"][axis], at, "{row:#}");
+        }
+        assert_eq!(row["paper"].as_f64(), expected.paper);
+        let entries = row["entries"].as_array().unwrap();
+        assert_eq!(entries.iter().map(|e| e["form"].as_str().unwrap()).collect::<Vec<_>>(), ["ours", "published"]);
+        for entry in entries {
+            has(entry, "device form seconds fastest slowest runs frames_per_second stages skipped fault");
+            assert_eq!((&entry["device"], &entry["runs"]), (&"cpu:0".into(), &0.into()));
+            assert!(entry["skipped"].as_str().unwrap().contains("more than 0 s"), "{entry:#}");
+            let empty = ["seconds", "fastest", "slowest", "frames_per_second", "stages", "fault"];
+            assert!(empty.iter().all(|key| entry[key].is_null()), "{entry:#}");
+        }
+    }
+    // As Markdown: the paper's figure, and a note that stands once.
+    let text = bench.end(bench.command(arguments));
+    assert_eq!(text.code, Some(0), "{text:?}");
+    let row = text.stdout.lines().find(|line| line.starts_with("| 20 ") && line.contains("| 27000 ")).unwrap();
+    assert!(row.contains("| 9 ") && row.contains("| skipped (1) "), "{row}");
+    assert_eq!(text.stdout.matches("more than 0 s").count(), 1, "{text:?}");
+}
+
+/// Names of the axes of table 3 with a row's places on them.
+fn expected_axes(at: &[String]) -> impl Iterator<Item = (&'static str, &str)> {
+    ["cells a side", "Gaussians", "static"].into_iter().zip(at.iter().map(String::as_str))
+}
+
+#[test]
 fn what_cannot_be_measured_is_refused() {
     let bench = Workbench::new();
     bench.refused(["bench", "--device", "no such device"], 2, &["no device \"no such device\"", "cpu:0"]);
-    bench.refused(["bench", "--papers"], 2, &["--papers", "not built yet"]);
+    bench.refused(["bench", "--device", ""], 2, &["no device \"\""]);
+    bench.refused(["bench", "--device", "cpu:99"], 2, &["cpu:99"]);
+    bench.refused(["bench", "--papers", "002"], 2, &["no such table", "001-table-2"]);
+    bench.refused(["bench", "--time-limit", "3"], 2, &["--papers"]);
+    for limit in ["-1", "NaN", "1e300"] {
+        let limit = format!("--time-limit={limit}");
+        bench.refused(["bench", "--papers", "001", &limit], 2, &["--time-limit", "number of seconds"]);
+    }
 }

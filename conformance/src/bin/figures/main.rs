@@ -4,6 +4,8 @@
 //! cargo run --release -p airlight-conformance --bin figures -- -o docs/figures.md
 //! ```
 
+mod lights;
+
 use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -12,8 +14,8 @@ use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::glam::DVec3;
 use airlight::media::Phase;
 use airlight::reference::{BruteForce, BruteSettings};
-use airlight::scene::{Content, Elimination, Film, Interpolation, LightsEstimate, Opacity, Records, Scene, Scheme};
-use airlight_conformance::{Subject, columns, compare, pictures};
+use airlight::scene::{Content, Elimination, Film, Interpolation, Records, Scene};
+use airlight_conformance::{Subject, compare, pictures};
 use clap::Parser;
 use libtest_mimic::Failed;
 use rayon::prelude::*;
@@ -242,59 +244,6 @@ fn truncation(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>
     Ok(())
 }
 
-fn opacity(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
-    writeln!(page, "\n## Columns toward a light\n")?;
-    writeln!(
-        page,
-        "Giroud and Biri 2011, equation 6, and what became of it: relative L2 error of the columns at the cells' centres"
-    )?;
-    writeln!(
-        page,
-        "against the closed form of a sum of Gaussians, and the sum of all columns over the true one. The reference's 40"
-    )?;
-    writeln!(page, "Gaussians on 72 × 48 × 60 voxels, and random sets of 30 on 64³.\n")?;
-    writeln!(page, "| Gaussians, light | cells | short characteristics | metric | published | its sum |")?;
-    writeln!(page, "| --- | ---: | ---: | ---: | ---: | ---: |")?;
-    for lit in columns::all().map_err(told)? {
-        for cells in [32, 64] {
-            let measure = |scheme| lit.measure(subject, scheme, cells).map_err(told);
-            let [short, metric, published] =
-                [Scheme::ShortCharacteristics, Scheme::Metric, Scheme::Published].map(measure);
-            let (short, metric, published) = (short?, metric?, published?);
-            writeln!(
-                page,
-                "| {} | {cells} | {} | {} | {} | {} |",
-                lit.name,
-                percent(short.difference.relative_l2),
-                percent(metric.difference.relative_l2),
-                percent(published.difference.relative_l2),
-                number(published.ratio)
-            )?;
-        }
-    }
-    writeln!(page, "\n## Propagated shadows\n")?;
-    writeln!(page, "The reference scene against the reference pictures, by cells; step ½ voxel, 16 samples.\n")?;
-    writeln!(page, "| picture | scheme | cells | error | seconds, all but the march |")?;
-    writeln!(page, "| --- | --- | ---: | ---: | ---: |")?;
-    for (name, file, light) in pictures::lights() {
-        for (text, scheme, cells) in [
-            ("short characteristics", Scheme::ShortCharacteristics, 32),
-            ("short characteristics", Scheme::ShortCharacteristics, 64),
-            ("short characteristics", Scheme::ShortCharacteristics, 96),
-            ("metric", Scheme::Metric, 64),
-            ("published", Scheme::Published, 64),
-        ] {
-            let mut scene = pictures::scene().map_err(told)?;
-            scene.lights = vec![light];
-            scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
-            let run = render(subject, &scene).map_err(told)?;
-            let error = pictures::against(file, &run.film).map_err(told)?.relative_l2;
-            writeln!(page, "| {name} | {text} | {cells} | {} | {} |", percent(error), number(run.preparing))?;
-        }
-    }
-    Ok(())
-}
-
 fn told(failed: Failed) -> Box<dyn Error> {
     failed.message().unwrap_or("failed without a reason").into()
 }
@@ -313,7 +262,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     cells(&mut page, &subject)?;
     probes(&mut page, &subject)?;
     truncation(&mut page, &subject)?;
-    opacity(&mut page, &subject)?;
+    lights::columns(&mut page, &subject)?;
+    lights::shadows(&mut page, &subject)?;
     match args.output {
         Some(path) => std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?,
         None => print!("{page}"),
