@@ -69,7 +69,7 @@ pub(super) fn face(light: &LightRecord, number: u32, extent: f64) -> Face {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let axis = number as usize / 2;
     Face {
-        forward: if number % 2 == 0 { axes[axis] } else { -axes[axis] },
+        forward: if number.is_multiple_of(2) { axes[axis] } else { -axes[axis] },
         right: axes[(axis + 1) % 3],
         up: axes[(axis + 2) % 3],
         half_width: 1.0,
