@@ -148,7 +148,7 @@ fn a_frame_that_stays_on_the_device_is_the_frame_handed_over_by_the_host() {
     assert!(again.report.ran().is_empty() && again.report.uploads.is_empty(), "{:?}", again.report);
     // A frame drawn anew: the march runs again, and only it.
     let next = frame(&mut renderer, &engine, &scene, Version::fresh(), DEPTH);
-    assert_eq!((next.report.ran(), next.report.uploads), (vec!["march"], vec!["surface".to_owned()]));
+    assert_eq!((next.report.ran(), next.report.uploads), (vec!["march"], vec!["background".to_owned()]));
 }
 
 #[test]

@@ -80,3 +80,46 @@ fn reflected(params: &ShadeParams, inputs: &ShadeInputs<'_>, light: &LightRecord
     let share = xyz(material.diffuse) / PI + lobe * xyz(material.specular);
     xyz(light.power) * falloff * facing * through * share
 }
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use glam::Vec3;
+
+    use super::*;
+    use crate::scene::Material;
+
+    /// Lambert under a lamp, at a slant, through a homogeneous medium that fills everything.
+    #[test]
+    fn a_floor_is_lit_by_lambert_distance_and_depth() {
+        let mut params = ShadeParams::zeroed();
+        params.dims = [1, 1, 1, 0];
+        // One voxel of 8 m around the eye.
+        let row = |a: usize| [0, 1, 2, 3].map(|i| if i == a { 0.125 } else { 0.0 });
+        [params.index_x, params.index_y, params.index_z] = [row(0), row(1), row(2)];
+        (params.forward, params.extinction) = ([0.0, -1.0, 0.0, 0.0], [0.3, 0.2, 0.1, 0.0]);
+        (params.width, params.height, params.samples, params.lights) = (1, 1, 1, 1);
+        (params.step, params.light_floor, params.light_end) = (0.5, 1e-6, 1);
+        let mut light = LightRecord::zeroed();
+        // The floor lies 2 m below the eye, the lamp 1 m above it and 1.5 m aside.
+        (light.position, light.power) = ([1.5, -1.0, 0.0, 1.0], [2.0, 2.0, 2.0, 0.0]);
+        let material = MaterialRecord::new(&Material { diffuse: Vec3::splat(0.5), ..Material::default() });
+        let inputs = ShadeInputs {
+            density: &[2.0],
+            lights: &[light],
+            tables: &[0.5, 0.5],
+            mesh: &[],
+            materials: &[material],
+            hits: &[[0.0, 1.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0]],
+            background: None,
+        };
+        let found = shade(&params, &inputs);
+        let r2 = 1.0 + 1.5f64.powi(2);
+        for (c, extinction) in [0.6, 0.4, 0.2].into_iter().enumerate() {
+            let expected = 2.0 / r2 / r2.sqrt() * 0.5 / PI * (-extinction * r2.sqrt()).exp();
+            // Extinction is rounded to f32.
+            assert!((found[c] / expected - 1.0).abs() < 1e-6, "{} {expected}", found[c]);
+        }
+        assert_eq!(found[3], 2.0);
+    }
+}

@@ -69,7 +69,7 @@ pub(super) fn face(light: &LightRecord, number: u32, extent: f64) -> Face {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let axis = number as usize / 2;
     Face {
-        forward: if number % 2 == 0 { axes[axis] } else { -axes[axis] },
+        forward: if number.is_multiple_of(2) { axes[axis] } else { -axes[axis] },
         right: axes[(axis + 1) % 3],
         up: axes[(axis + 2) % 3],
         half_width: 1.0,
@@ -82,4 +82,56 @@ fn across(n: DVec3) -> (DVec3, DVec3) {
     let a = -1.0 / (sign + n.z);
     let b = n.x * n.y * a;
     (DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), DVec3::new(b, sign + n.y * n.y * a, -n.y))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::light::Light;
+    use crate::scene::{Material, Mesh, Triangle};
+    use crate::stage::Shadow;
+
+    /// A wall that faces a light has one distance in all of the texels that see it.
+    #[test]
+    fn a_wall_that_faces_the_light_has_one_distance() {
+        let positions = [(-4.0, -4.0), (4.0, -4.0), (-4.0, 4.0), (4.0, 4.0)].map(|(x, z)| DVec3::new(x, 0.5, z));
+        let triangles = [[0, 1, 2], [1, 3, 2]].map(|vertices| Triangle { vertices, material: 0 }).to_vec();
+        let mesh = Mesh::new(positions.to_vec(), vec![], triangles, vec![Material::default()]).unwrap();
+        let hierarchy = mesh.hierarchy().unwrap();
+        let (at, down) = (DVec3::new(0.3, 3.5, -0.2), DVec3::new(0.3, 0.0, -0.2));
+        let lights = [
+            Light::point(at, Vec3::ONE).unwrap(),
+            Light::spot(at, down, Vec3::ONE, 20.0, 30.0).unwrap(),
+            Light::directional(DVec3::Y, Vec3::ONE).unwrap(),
+        ];
+        let faces = lights.iter().map(Shadow::faces).sum();
+        assert_eq!(faces, 8);
+        let params = ShadowParams {
+            lights: 3,
+            faces,
+            side: 4,
+            nodes: hierarchy.nodes(),
+            node_begin: 0,
+            node_end: hierarchy.nodes(),
+            extent: hierarchy.extent(),
+            unused: 0,
+        };
+        let lights = LightRecord::of(&lights, hierarchy.origin());
+        let map = shadow(&params, &ShadowInputs { lights: &lights, mesh: hierarchy.records() });
+        let far = f64::from(FAR);
+        for (n, held) in map.iter().enumerate() {
+            let expected = match n / 16 {
+                // Down, and the spot.
+                3 | 6 => 3.0,
+                // From the plane before the mesh's sphere, beyond whose square corners nothing is.
+                7 if *held < far => hierarchy.extent().into(),
+                // To the sides the lower rays meet it, at distances of their own.
+                0 | 1 | 4 | 5 if *held < far => continue,
+                _ => far,
+            };
+            assert!((held - expected).abs() < 1e-6 * expected, "texel {n}: {held}");
+        }
+    }
 }

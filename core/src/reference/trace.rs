@@ -44,3 +44,41 @@ pub(super) fn view([forward, right, up]: [[f32; 4]; 3], size: [u32; 2], at: [f64
     let [a, b] = [0, 1].map(|i| 2.0 * at[i] / f64::from(size[i]) - 1.0);
     (xyz(forward) + a * xyz(right) - b * xyz(up)).normalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::scene::{Material, Mesh, Triangle};
+
+    /// A wall at z = -2 behind one at z = -1 that hides its left half.
+    #[test]
+    fn the_nearest_wall_is_seen_from_the_eyes_side() {
+        let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+        let positions = vec![
+            corner(-9.0, -9.0, -2.0),
+            corner(9.0, -9.0, -2.0),
+            corner(0.0, 18.0, -2.0),
+            corner(0.0, -9.0, -1.0),
+            corner(0.0, 9.0, -1.0),
+            corner(-9.0, 0.0, -1.0),
+        ];
+        let triangles = [[0, 1, 2], [3, 4, 5]];
+        let triangles = (0..).zip(triangles).map(|(material, vertices)| Triangle { vertices, material }).collect();
+        let mesh = Mesh::new(positions, vec![], triangles, vec![Material::default(); 2]).unwrap();
+        let hierarchy = mesh.hierarchy().unwrap();
+        let mut params = TraceParams::zeroed();
+        params.eye = (-hierarchy.origin()).as_vec3().extend(0.0).to_array();
+        (params.forward, params.right, params.up) = ([0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]);
+        (params.width, params.height, params.samples, params.nodes) = (2, 1, 1, hierarchy.nodes());
+        let hits = trace(&params, &TraceInputs { tables: &[0.5, 0.5], mesh: hierarchy.records() });
+        // The rays go through (±½, 0, -1).
+        let slant = 1.25f64.sqrt();
+        for (hit, distance, material) in [(&hits[..8], slant, 1.0), (&hits[8..], 2.0 * slant, 0.0)] {
+            assert!((hit[3] - distance).abs() < 1e-6, "{hit:?}");
+            assert!((hit[2] - 1.0).abs() < 1e-12 && (hit[6] - 1.0).abs() < 1e-12, "normals {hit:?}");
+            assert_eq!(hit[7], material);
+        }
+    }
+}

@@ -126,7 +126,7 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
         ),
         (
             "[estimate]\nlights = { kind = \"direct\", surface_shadow = { kind = \"map\", texels = 0 } }",
-            "8:73: estimate.lights.surface_shadow.texels = 0; it must be a whole number from 1 to 8192",
+            "8:71: estimate.lights.surface_shadow.texels = 0; it must be a whole number from 1 to 8192",
         ),
         (
             "[estimate]\nscattering = { kind = \"sweeps\", orders = \"converged\" }",
