@@ -3,8 +3,6 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use airlight_core::media::Medium;
-
 use super::*;
 
 /// A point light on lines 7 to 10 after the least scene.
