@@ -107,7 +107,7 @@ fn measure(info: DeviceInfo) -> Measured {
         || Ok(airlight::open(&id)?),
         |timing| {
             timings.push(timing);
-            meter.show(&format!("bench {id}"), timings.len() as f32 / count as f32);
+            meter.show(format_args!("bench {id}"), timings.len() as f32 / count as f32);
         },
     );
     Measured { info, timings, fault: measured.err().map(|fault| fault.to_string()) }

@@ -88,6 +88,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
     Ok(json!({
         "scene": path.display().to_string(),
         "frame": frame,
+        "animation": file.animation().map(animation),
         "camera": {
             "origin": camera.origin.to_array(),
             "target": camera.target.to_array(),
@@ -113,21 +114,9 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
         },
         "quality": { "step": quality.step, "step_metres": quality.step * medium.voxel() },
-        "animation": file.animation().map(animation),
         "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
         "warnings": loaded.warnings,
     }))
-}
-
-fn animation(animation: &Animation) -> Value {
-    let (first, last) = (*animation.frames.start(), *animation.frames.end());
-    let track: Vec<_> = animation
-        .tracks
-        .iter()
-        .map(|t| json!({ "key": t.key, "frames": t.frames, "interpolation": t.curve.name() }))
-        .collect();
-    let seconds = (f64::from(last - first) + 1.0) / animation.fps;
-    json!({ "frames": [first, last], "fps": animation.fps, "seconds": seconds, "track": track })
 }
 
 /// The largest values, in each channel, of what scatters and shines otherwise than the density does; null where nothing does.
@@ -268,6 +257,17 @@ fn background_values(background: &Background) -> Value {
         "nearest": nearest.map(number),
         "farthest": surfaces.iter().copied().reduce(f64::max).map(number),
     })
+}
+
+fn animation(animation: &Animation) -> Value {
+    let (first, last) = (*animation.frames.start(), *animation.frames.end());
+    let track: Vec<_> = animation
+        .tracks
+        .iter()
+        .map(|t| json!({ "key": t.key, "frames": t.frames, "interpolation": t.curve.name() }))
+        .collect();
+    let seconds = (f64::from(last - first) + 1.0) / animation.fps;
+    json!({ "frames": [first, last], "fps": animation.fps, "seconds": seconds, "track": track })
 }
 
 fn volume_file(path: &Path) -> Result<Value, Failure> {

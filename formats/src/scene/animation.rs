@@ -237,7 +237,7 @@ impl Track {
         let [earlier, later] = ends.map(|n| n.filter(|n| *n < self.values.len()).map(|n| (n, numbers(n))));
         let time = |n: usize| f64::from(self.frames[n]);
         let span = time(after) - time(before);
-        let t = (f64::from(frame) - time(before)) / span;
+        let elapsed = f64::from(frame) - time(before);
         let mut mixed = (0..a.len()).map(|i| {
             let rise = (b[i] - a[i]) / span;
             let between = if smooth {
@@ -249,9 +249,10 @@ impl Track {
                     let width = time(*n) - time(after);
                     speed((span, rise), (width, (l[i] - b[i]) / width))
                 });
-                hermite(a[i], b[i], start * span, end * span, t)
+                hermite(a[i], b[i], start * span, end * span, elapsed / span)
             } else {
-                a[i] + (b[i] - a[i]) * t
+                // Multiplied first, so that what counts frames stays whole.
+                a[i] + (b[i] - a[i]) * elapsed / span
             };
             between.clamp(a[i].min(b[i]), a[i].max(b[i]))
         });

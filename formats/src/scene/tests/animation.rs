@@ -93,6 +93,15 @@ fn a_smooth_course_rests_at_its_ends_and_turns_without_leaving_its_values() {
 }
 
 #[test]
+fn what_counts_frames_stays_whole() {
+    let mut file = animated(&track("camera.samples", "[1, 401]", "[1, 401]", "linear"));
+    file.check(0..=402).unwrap();
+    for frame in 1..=401 {
+        assert_eq!(at(&mut file, frame).camera.samples, frame);
+    }
+}
+
+#[test]
 fn what_does_not_move_stays_the_same() {
     let grid = BASE.replace("homogeneous", "grid") + "file = \"cloud.vdb\"\nextinction = 2\nemission = 1\n";
     let sky = "[environment]\nradiance = [1, 2, 3]\nrotation = 0\n";
