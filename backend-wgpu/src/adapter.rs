@@ -67,7 +67,7 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
 pub(crate) fn required_limits() -> wgpu::Limits {
     wgpu::Limits {
         max_bind_groups: 3,
-        max_bindings_per_bind_group: 8 * MAX_SLABS,
+        max_bindings_per_bind_group: 10 * MAX_SLABS,
         max_uniform_buffers_per_shader_stage: 2,
         max_storage_buffers_per_shader_stage: 8,
         max_sampled_textures_per_shader_stage: 7,
