@@ -79,11 +79,14 @@ impl Form {
     }
 }
 
+/// Makes of a scene the one of a frame.
+type Change = Box<dyn FnMut(&mut Scene, u32)>;
+
 /// A scene of which something changes from frame to frame.
 pub struct Frames {
     /// The frame to render next.
     pub scene: Scene,
-    change: Box<dyn FnMut(&mut Scene, u32)>,
+    change: Change,
     number: u32,
 }
 
