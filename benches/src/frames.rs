@@ -83,10 +83,15 @@ impl Frame {
 
 /// The first frame.
 pub fn scene(frame: Frame) -> Scene {
+    scene_of(frame, medium())
+}
+
+/// The first frame with another medium.
+pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
     let records = frame != Frame::Direct;
     Scene {
         camera: View::new(192, 144).camera,
-        medium: medium(),
+        medium,
         optics: Optics::grey(12.0, 0.9),
         environment: records.then(sky),
         background: None,

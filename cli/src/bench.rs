@@ -22,7 +22,8 @@ pub(crate) struct Options {
     /// 001-table-3). Prints Markdown. Minutes a device.
     #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
     papers: Option<String>,
-    /// The most seconds that an entry of --papers may take; what would take longer is skipped, and said to be.
+    /// The most seconds that the frames of an entry of --papers may take, and a tenth of what preparing them may; what
+    /// would take longer is skipped, and said to be.
     #[arg(long, value_name = "S", requires = "papers", default_value_t = airlight_benches::papers::LIMIT.as_secs_f64())]
     time_limit: f64,
     /// Print JSON (see docs/json.md).

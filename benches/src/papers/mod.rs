@@ -79,11 +79,14 @@ impl Form {
     }
 }
 
+/// Makes of a scene the one of a frame.
+type Change = Box<dyn FnMut(&mut Scene, u32)>;
+
 /// A scene of which something changes from frame to frame.
 pub struct Frames {
     /// The frame to render next.
     pub scene: Scene,
-    change: Box<dyn FnMut(&mut Scene, u32)>,
+    change: Change,
     number: u32,
 }
 
@@ -131,8 +134,12 @@ pub fn tables() -> Vec<Table> {
     vec![records::table_1(records::VOXELS), opacity::table_2(), opacity::table_3()]
 }
 
-/// How long an entry may take unless said otherwise, its first frame included.
+/// How long the frames of an entry may take together unless said otherwise.
 pub const LIMIT: Duration = Duration::from_secs(5);
+
+/// How many times as long the frame before them may take, which prepares: a frame that is given up leaves nothing, and
+/// the next entry would upload the same volume again.
+pub const PREPARING: u32 = 10;
 
 /// Frames are repeated until they have taken this long together,
 const ENOUGH: Duration = Duration::from_millis(300);
@@ -142,7 +149,7 @@ const FEWEST: usize = 3;
 const MOST: usize = 9;
 
 /// Measures every row of a table in both forms on a device that `open` opens, and gives each entry to `tell` as soon as
-/// it is there. What takes longer than `limit` for the first frame and the next is skipped.
+/// it is there. A frame that takes longer than `limit`, or [`PREPARING`] times that for the first, is skipped.
 pub fn measure(
     table: &Table,
     open: impl Fn() -> Result<Box<dyn Device>, Fault>,
@@ -170,49 +177,48 @@ pub fn measure(
 
 /// Renders the first frame, which prepares, and times those after it.
 fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Duration) -> Outcome {
-    // A limit past the end of time is none.
-    let deadline = Instant::now().checked_add(limit);
+    if let Err(error) = within(limit.saturating_mul(PREPARING), renderer, &frames.scene) {
+        return given_up(error, "preparing", limit.saturating_mul(PREPARING));
+    }
+    let begin = Instant::now();
     let camera = &frames.scene.camera;
     let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
     let (mut runs, mut total, mut stages) = (Vec::new(), Duration::ZERO, Vec::new());
-    let end = loop {
-        if runs.len() >= MOST || total >= ENOUGH && runs.len() >= FEWEST {
-            break Ok(());
-        }
-        let begin = Instant::now();
-        match until(deadline, renderer, &frames.scene) {
-            Ok(rendered) if frames.number > 0 => {
-                let time = begin.elapsed();
+    while runs.len() < MOST && (total < ENOUGH || runs.len() < FEWEST) {
+        frames.advance();
+        let start = Instant::now();
+        match within(limit.saturating_sub(begin.elapsed()), renderer, &frames.scene) {
+            Ok(rendered) => {
+                let time = start.elapsed();
                 runs.push(time);
                 total += time;
                 stages = rendered.report.ran();
             }
-            Ok(_) => {}
-            Err(error) => break Err(error),
+            Err(RenderError::Exec(ExecError::Cancelled)) if !runs.is_empty() => break,
+            Err(error) => return given_up(error, "a frame", limit),
         }
-        frames.advance();
-    };
-    match end {
-        Ok(()) | Err(RenderError::Exec(ExecError::Cancelled)) if !runs.is_empty() => {
-            Outcome::Measured { timing: Timing::new(name, runs, pixels), stages }
+    }
+    Outcome::Measured { timing: Timing::new(name, runs, pixels), stages }
+}
+
+/// Why there is no figure.
+fn given_up(error: RenderError, what: &str, limit: Duration) -> Outcome {
+    match error {
+        RenderError::Exec(ExecError::Cancelled) => {
+            Outcome::Skipped(format!("{what} takes more than {} s", limit.as_secs_f64()))
         }
-        Err(RenderError::Exec(ExecError::Cancelled)) => {
-            Outcome::Skipped(format!("the first frame and the next take more than {} s", limit.as_secs_f64()))
-        }
-        Err(error) if is_too_large(&error) => Outcome::Skipped(error.to_string()),
-        Err(error) => Outcome::Failed(error.to_string()),
-        Ok(()) => Outcome::Failed("no frame was rendered".into()),
+        error if is_too_large(&error) => Outcome::Skipped(error.to_string()),
+        error => Outcome::Failed(error.to_string()),
     }
 }
 
-/// Renders a frame, unless it is not done by `deadline`.
-fn until(deadline: Option<Instant>, renderer: &mut Renderer, scene: &Scene) -> Result<Rendered, RenderError> {
-    let late = || deadline.is_some_and(|deadline| Instant::now() >= deadline);
-    if late() {
+/// Renders a frame, unless it is not done within `limit`.
+fn within(limit: Duration, renderer: &mut Renderer, scene: &Scene) -> Result<Rendered, RenderError> {
+    if limit.is_zero() {
         return Err(ExecError::Cancelled.into());
     }
-    let cancel = AtomicBool::new(false);
-    let mut watch = |_| cancel.store(late(), Ordering::Relaxed);
+    let (begin, cancel) = (Instant::now(), AtomicBool::new(false));
+    let mut watch = |_| cancel.store(begin.elapsed() >= limit, Ordering::Relaxed);
     renderer.render_with(scene, &mut Hooks { progress: Some(&mut watch), cancel: Some(&cancel) })
 }
 

@@ -1,13 +1,15 @@
 //! Giroud and Biri 2011, *Illuminating and Rendering Heterogeneous Participating Media in Real Time using Opacity
 //! Propagation*: tables 2 and 3, whose rows say with table 1 what is recomputed when.
 
+use std::sync::Arc;
+
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
-use airlight::media::{Gaussian, Gaussians, Optics};
+use airlight::media::{Gaussian, Optics};
 use airlight::scene::{Camera, LightsEstimate, Opacity, Scene, Scheme};
 
 use super::{Form, Frames, Row, Table};
-use crate::{Frame, gaussians, scene};
+use crate::{Frame, gaussians, scene_of};
 
 const PAPER: &str = "Giroud and Biri 2011";
 const HARDWARE: &str = "NVIDIA GeForce GTX 280, Intel Core 2 Quad 2.8 GHz; 800 × 600 pixels";
@@ -136,6 +138,11 @@ impl Setting {
     fn frames(self, form: Form) -> Frames {
         let medium = gaussians(self.gaussians, self.cells);
         let blobs = medium.blobs().to_vec();
+        let at = move |turn: f64| {
+            let shift = DVec3::new(0.1 * turn.sin(), 0.05 * turn.sin(), 0.0);
+            let moved = blobs.iter().map(|blob| Gaussian { center: blob.center + shift, ..*blob });
+            medium.with(moved.collect()).expect("as good as before")
+        };
         let mut scene = Scene {
             camera: Camera {
                 origin: EYE,
@@ -148,7 +155,7 @@ impl Setting {
             },
             optics: Optics::grey(0.5, 0.9),
             lights: lamps(self.lights, 0.0),
-            ..scene(Frame::Direct)
+            ..scene_of(Frame::Direct, Arc::new(at(0.0)))
         };
         let scheme = match form {
             Form::Ours => Scheme::ShortCharacteristics,
@@ -156,12 +163,6 @@ impl Setting {
         };
         scene.estimate.lights =
             Some(LightsEstimate::Opacity(Opacity { cells: self.cells, scheme, ..Opacity::default() }));
-        let at = move |turn: f64| {
-            let shift = DVec3::new(0.1 * turn.sin(), 0.05 * turn.sin(), 0.0);
-            let moved = blobs.iter().map(|blob| Gaussian { center: blob.center + shift, ..*blob });
-            medium.with(moved.collect()).expect("as good as before")
-        };
-        scene.medium = std::sync::Arc::<Gaussians>::new(at(0.0));
         Frames::new(scene, move |scene, number| {
             let turn = f64::from(number) * 0.05;
             scene.camera.origin = EYE + DVec3::new(0.1 * turn.sin(), 0.0, 0.0);
@@ -170,7 +171,7 @@ impl Setting {
                 scene.lights = lamps(self.lights, 0.7 * f64::from(number));
             }
             if self.kept == Static::Nothing {
-                scene.medium = std::sync::Arc::new(at(turn));
+                scene.medium = Arc::new(at(turn));
             }
         })
     }

@@ -8,7 +8,7 @@ use airlight::media::{Lattice, Medium, Optics};
 use airlight::scene::{Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Records, Scene};
 
 use super::{Form, Frames, Row, Table};
-use crate::{Frame, fill_slice, scene};
+use crate::{Frame, fill_slice, scene_of};
 
 /// Voxels along a side of the paper's volume.
 pub(super) const VOXELS: u32 = 512;
@@ -95,10 +95,9 @@ fn frames(volume: Arc<Volume>, cells: u32, dynamic: Dynamic, form: Form) -> Fram
             height: 720,
             samples: 1,
         },
-        medium: volume,
         optics: Optics::grey(EXTINCTION, 0.9),
         estimate: Estimate { environment: Some(EnvironmentEstimate::Records(records)), lights: None },
-        ..scene(Frame::RecordsDynamicLight)
+        ..scene_of(Frame::RecordsDynamicLight, volume)
     };
     Frames::new(scene, move |scene, number| {
         let turn = f64::from(number) * 0.01;
