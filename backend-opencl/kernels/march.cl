@@ -27,7 +27,8 @@ typedef struct {
     float3 emission;
 } Optics;
 
-Path enter(const Bound *bound, float3 direction, float limit);
+float jitter(const Bound *bound, uint x, uint y, uint s);
+Path enter(const Bound *bound, float3 direction, float limit, float place);
 void resume(const Bound *bound, Path *path, size_t pixel);
 void keep(const Bound *bound, const Path *path, size_t pixel);
 void walk(const Bound *bound, Path *path);
@@ -71,9 +72,16 @@ void run_march(const Bound *bound) {
         return;
     }
     size_t pixel = (size_t)y * width + x;
+    // The same pixel of the full picture.
+    uint scale = bound->params->scale;
+    uint full_width = bound->params->full_width;
+    uint full_height = bound->params->full_height;
+    uint fx = min(x * scale + scale / 2u, full_width - 1u);
+    uint fy = min(y * scale + scale / 2u, full_height - 1u);
+    size_t full = (size_t)fy * full_width + fx;
     float limit = FAR;
     if (has_surface) {
-        limit = fmin(bound->surface[pixel].w, FAR);
+        limit = fmin(bound->surface[full].w, FAR);
     }
     float3 color = (float3)(0.0f);
     float3 transmitted = (float3)(0.0f);
@@ -90,11 +98,11 @@ void run_march(const Bound *bound) {
     }
     bool ends = bound->params->step_end == ALL_STEPS;
     for (uint s = bound->params->sample_begin; s < bound->params->sample_end; s++) {
-        float a = (convert_float(x) + bound->tables[2u * s]) * (2.0f / convert_float(width)) - 1.0f;
-        float b = 1.0f - (convert_float(y) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(height));
+        float a = (convert_float(fx) + bound->tables[2u * s]) * (2.0f / convert_float(full_width)) - 1.0f;
+        float b = 1.0f - (convert_float(fy) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(full_height));
         float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
         float3 direction = toward / sqrt(dot(toward, toward));
-        Path path = enter(bound, direction, limit);
+        Path path = enter(bound, direction, limit, jitter(bound, x, y, s));
         if (has_paths && bound->params->step_begin > 0u) {
             resume(bound, &path, pixel);
         }
@@ -104,8 +112,10 @@ void run_march(const Bound *bound) {
             return;
         }
         float3 behind = (float3)(0.0f);
-        if (limit < FAR) {
-            behind = bound->surface[pixel].xyz;
+        if (bound->params->alone == 1u) {
+            behind = (float3)(0.0f);
+        } else if (limit < FAR) {
+            behind = bound->surface[full].xyz;
         } else if (has_environment) {
             behind = sky(bound, direction);
         }
@@ -119,19 +129,34 @@ void run_march(const Bound *bound) {
         bound->film[2u * pixel + 1u] = (float4)(transmitted, stopped_at);
         return;
     }
-    float scale = 1.0f / convert_float(bound->params->samples);
-    float mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0f);
+    float share = 1.0f / convert_float(bound->params->samples);
+    float mean = (transmitted.x + transmitted.y + transmitted.z) * (share / 3.0f);
     float depth = stopped > 0.0f ? stopped_at / stopped : INFINITY;
-    bound->film[2u * pixel] = (float4)(color * scale, 1.0f - mean);
-    bound->film[2u * pixel + 1u] = (float4)(transmitted * scale, depth);
+    bound->film[2u * pixel] = (float4)(color * share, bound->params->alone == 1u ? limit : 1.0f - mean);
+    bound->film[2u * pixel + 1u] = (float4)(transmitted * share, depth);
+}
+
+// Where the samples of a sub-pixel position of a pixel lie within their steps.
+float jitter(const Bound *bound, uint x, uint y, uint s) {
+    if (bound->params->jittered == 0u) {
+        return 0.5f;
+    }
+    uint at = bound->params->jitter_at;
+    uint pixel = y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
+    float place = bound->tables[at + bound->params->samples + pixel] + bound->tables[at + s] + bound->params->jitter_offset;
+    return place - floor(place);
 }
 
 // The path along `direction` before its first step.
-Path enter(const Bound *bound, float3 direction, float limit) {
+Path enter(const Bound *bound, float3 direction, float limit, float place) {
     float3 index = to_index(bound, direction);
     Path path;
     path.direction = direction;
     path.ray = through(bound->params->eye.xyz, index, convert_float3(bound->params->dims.xyz), limit, bound->params->step);
+    if (bound->params->steps > 0u) {
+        path.ray = in_steps(path.ray, convert_float(bound->params->steps));
+    }
+    path.ray.place = place;
     path.radiance = (float3)(0.0f);
     path.transmittance = (float3)(1.0f);
     path.stopped = 0.0f;

@@ -38,9 +38,13 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.width + x;
+    // The same pixel of the full picture.
+    let fx = min(x * params.scale + params.scale / 2u, params.full_width - 1u);
+    let fy = min(y * params.scale + params.scale / 2u, params.full_height - 1u);
+    let full = (fy - launch.first * BLOCK * params.scale) * params.full_width + fx;
     var limit = FAR;
     if has_surface {
-        limit = min(surface[pixel].w, FAR);
+        limit = min(surface[full].w, FAR);
     }
     var color = vec3<f32>(0.0);
     var transmitted = vec3<f32>(0.0);
@@ -57,11 +61,11 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     let ends = params.step_end == ALL_STEPS;
     for (var s = params.sample_begin; s < params.sample_end; s++) {
-        let a = (f32(x) + tables[2u * s]) * (2.0 / f32(params.width)) - 1.0;
-        let b = 1.0 - (f32(y) + tables[2u * s + 1u]) * (2.0 / f32(params.height));
+        let a = (f32(fx) + tables[2u * s]) * (2.0 / f32(params.full_width)) - 1.0;
+        let b = 1.0 - (f32(fy) + tables[2u * s + 1u]) * (2.0 / f32(params.full_height));
         let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
         let direction = toward / length(toward);
-        var path = enter(direction, limit);
+        var path = enter(direction, limit, jitter(x, y, s));
         if has_paths && params.step_begin > 0u {
             resume(&path, pixel);
         }
@@ -71,8 +75,10 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
             return;
         }
         var behind = vec3<f32>(0.0);
-        if limit < FAR {
-            behind = surface[pixel].xyz;
+        if params.alone == 1u {
+            behind = vec3<f32>(0.0);
+        } else if limit < FAR {
+            behind = surface[full].xyz;
         } else if has_environment {
             behind = sky(direction);
         }
@@ -92,13 +98,27 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     if stopped > 0.0 {
         depth = stopped_at / stopped;
     }
-    film[2u * pixel] = vec4<f32>(color * scale, 1.0 - mean);
+    film[2u * pixel] = vec4<f32>(color * scale, select(1.0 - mean, limit, params.alone == 1u));
     film[2u * pixel + 1u] = vec4<f32>(transmitted * scale, depth);
 }
 
+// Where the samples of a sub-pixel position of a pixel lie within their steps.
+fn jitter(x: u32, y: u32, s: u32) -> f32 {
+    if params.jittered == 0u {
+        return 0.5;
+    }
+    let at = params.jitter_at + params.samples + y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
+    let place = tables[at] + tables[params.jitter_at + s] + params.jitter_offset;
+    return place - floor(place);
+}
+
 // The path along `direction` before its first step.
-fn enter(direction: vec3<f32>, limit: f32) -> Path {
-    let ray = through(params.eye.xyz, to_index(direction), vec3<f32>(params.dims.xyz), limit, params.step);
+fn enter(direction: vec3<f32>, limit: f32, place: f32) -> Path {
+    var ray = through(params.eye.xyz, to_index(direction), vec3<f32>(params.dims.xyz), limit, params.step);
+    if params.steps > 0u {
+        ray = in_steps(ray, f32(params.steps));
+    }
+    ray.place = place;
     return Path(direction, ray, vec3<f32>(0.0), vec3<f32>(1.0), 0.0, 0.0);
 }
 

@@ -283,6 +283,7 @@ impl Rig {
         params.eye = four(lattice().world_to_index().transform_point3(camera.origin));
         [params.forward, params.right, params.up] = camera.axes().map(four);
         (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
+        (params.scale, params.full_width, params.full_height) = (1, camera.width, camera.height);
         (params.sample_end, params.step_end) = (1, March::ALL_STEPS);
         params.extinction = [EXTINCTION; 4];
         (params.step, params.cut, params.shadow) = (lattice().shortest_edge() as f32, March::CUT, shadow_kind::NONE);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
-use airlight::scene::{Background, Scene};
+use airlight::scene::{Background, Jitter, Scene};
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::load_scene;
 use airlight_formats::volume;
@@ -106,10 +106,25 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
         },
-        "quality": { "step": quality.step, "step_metres": quality.step * medium.voxel() },
+        "quality": {
+            "step": quality.step,
+            "step_metres": quality.step * medium.voxel(),
+            "steps": quality.steps,
+            "jitter": jitter(quality.jitter),
+            "scale": quality.scale,
+            "temporal": quality.temporal,
+        },
         "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
         "warnings": loaded.warnings,
     }))
+}
+
+/// A jitter as scenes name it.
+pub(crate) fn jitter(jitter: Jitter) -> &'static str {
+    match jitter {
+        Jitter::None => "none",
+        Jitter::BlueNoise => "blue-noise",
+    }
 }
 
 /// A phase function without the entries of its table.

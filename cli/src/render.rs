@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use crate::progress::Meter;
-use crate::{Done, devices, output};
+use crate::{Done, devices, info, output};
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -173,6 +173,10 @@ fn metadata(
         ("airlight.settings", settings.join("; ")),
         ("airlight.samples", scene.camera.samples.to_string()),
         ("airlight.step", scene.quality.step.to_string()),
+        ("airlight.steps", scene.quality.steps.map_or_else(|| "by step".to_owned(), |steps| steps.to_string())),
+        ("airlight.jitter", info::jitter(scene.quality.jitter).to_owned()),
+        ("airlight.scale", scene.quality.scale.to_string()),
+        ("airlight.temporal", scene.quality.temporal.to_string()),
         ("airlight.seconds", format!("{:.3}", time.as_secs_f64())),
         ("airlight.stages", stages.join("; ")),
     ]

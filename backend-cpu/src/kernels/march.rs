@@ -3,6 +3,7 @@
 use std::f32::consts::PI;
 use std::ops::Range;
 
+use airlight_core::blue_noise;
 use airlight_core::device::DeviceError;
 use airlight_core::stage::{LightRecord, March, MarchParams, shadow_kind};
 use rayon::prelude::*;
@@ -182,13 +183,12 @@ fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], rows: &Rows<'_>) -> 
 #[inline(always)]
 fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let p = inputs.p;
-    let x = F(lanes!(i => (corner[0] + i % SIDE) as f32));
-    let y = F(lanes!(i => (corner[1] + i / SIDE) as f32));
-    // Pixels past the picture's edge are marched as its last and never stored.
-    let pixel = |i: usize| {
-        let (x, y) = (corner[0] + i % SIDE, corner[1] + i / SIDE);
-        y.min(p.height as usize - 1) * p.width as usize + x.min(p.width as usize - 1)
-    };
+    // The same pixels of the full picture. Those past its edge are marched as its last and never stored.
+    let scale = p.scale as usize;
+    let full = |n: usize, size: u32| (n * scale + scale / 2).min(size as usize - 1);
+    let fx = F(lanes!(i => full(corner[0] + i % SIDE, p.full_width) as f32));
+    let fy = F(lanes!(i => full(corner[1] + i / SIDE, p.full_height) as f32));
+    let pixel = |i: usize| fy.0[i] as usize * p.full_width as usize + fx.0[i] as usize;
     let surface = (!inputs.surface.is_empty())
         .then(|| -> [F; 4] { [0, 1, 2, 3].map(|c| F(lanes!(i => inputs.surface[pixel(i)][c]))) });
     let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
@@ -201,12 +201,12 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     }
     let ends = p.step_end == March::ALL_STEPS;
     for s in p.sample_begin as usize..p.sample_end as usize {
-        let a = (x + inputs.tables[2 * s]) * (2.0 / p.width as f32) - 1.0;
-        let b = -((y + inputs.tables[2 * s + 1]) * (2.0 / p.height as f32) - 1.0);
+        let a = (fx + inputs.tables[2 * s]) * (2.0 / p.full_width as f32) - 1.0;
+        let b = -((fy + inputs.tables[2 * s + 1]) * (2.0 / p.full_height as f32) - 1.0);
         let d = triple!(c => a * p.right[c] + b * p.up[c] + p.forward[c]);
         let length = dot(d, d).sqrt();
         let d = triple!(c => d[c] / length);
-        let mut path = Path::enter(inputs, d, limit);
+        let mut path = Path::enter(inputs, d, limit, jitter(inputs, corner, s));
         if p.step_begin > 0 {
             path.resume(&out.path);
         }
@@ -216,7 +216,9 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
             return;
         }
         let mut behind = if inputs.environment.is_empty() { [F::ZERO; 3] } else { sky(inputs, d) };
-        if let Some(surface) = &surface {
+        if p.alone == 1 {
+            behind = [F::ZERO; 3];
+        } else if let Some(surface) = &surface {
             let hit = limit.lt(F::splat(f32::INFINITY));
             behind = triple!(c => hit.select(surface[c], behind[c]));
         }
@@ -231,9 +233,25 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     }
     let scale = 1.0 / p.samples as f32;
     let mean = (through[0] + through[1] + through[2]) * (scale / 3.0);
-    let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, F::ONE - mean];
+    let last = if p.alone == 1 { limit.min(F::splat(March::FAR)) } else { F::ONE - mean };
+    let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, last];
     let depth = stopped.gt(F::ZERO).select(stopped_at / stopped, F::splat(f32::INFINITY));
     out.film = [beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]];
+}
+
+/// Where the samples of a sub-pixel position lie within their steps.
+#[inline(always)]
+fn jitter(inputs: &Inputs<'_>, corner: [usize; 2], s: usize) -> F {
+    let p = inputs.p;
+    if p.jittered == 0 {
+        return F::splat(0.5);
+    }
+    const TILE: usize = blue_noise::SIDE as usize;
+    let at = p.jitter_at as usize;
+    let tile = &inputs.tables[at + p.samples as usize..][..TILE * TILE];
+    let place = F(lanes!(i => tile[(corner[1] + i / SIDE) % TILE * TILE + (corner[0] + i % SIDE) % TILE]));
+    let place = place + inputs.tables[at + s] + p.jitter_offset;
+    place - place.floor()
 }
 
 /// One view ray of each lane.
@@ -252,7 +270,7 @@ struct Path {
 impl Path {
     /// The path along `d` before its first step.
     #[inline(always)]
-    fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F) -> Self {
+    fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F, place: F) -> Self {
         let p = inputs.p;
         let index = to_index(p, d);
         let origin = triple!(a => F::splat(p.eye[a]));
@@ -260,9 +278,14 @@ impl Path {
         if p.cells[3] > 1 {
             harmonics(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut basis);
         }
+        let mut ray = Ray::through(origin, index, inputs.density.size(), limit, p.step);
+        if p.steps > 0 {
+            ray = ray.in_steps(p.steps as f32);
+        }
+        ray.place = place;
         Self {
             direction: d,
-            ray: Ray::through(origin, index, inputs.density.size(), limit, p.step),
+            ray,
             radiance: [F::ZERO; 3],
             transmittance: [F::ONE; 3],
             stopped: F::ZERO,

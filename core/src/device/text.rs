@@ -5,6 +5,7 @@
 
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
+use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
     BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project,
@@ -185,6 +186,7 @@ impl Recipe {
             ("SCHEME_PUBLISHED", scheme::PUBLISHED),
             ("NO_FACE", LightFace::NONE),
             ("BLOCK", March::BLOCK),
+            ("JITTER_SIDE", blue_noise::SIDE),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
             ("LANES", Project::LANES),

@@ -7,10 +7,11 @@ use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
 use crate::Version;
+use crate::blue_noise;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
 use crate::light::Environment;
-use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
+use crate::scene::{EnvironmentEstimate, Film, Jitter, LightsEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
 
 /// A film and how it came about.
@@ -243,6 +244,7 @@ fn plan_march<'a>(
     params.eye = eye.as_vec3().extend(0.0).to_array();
     [params.forward, params.right, params.up] = camera.axes().map(|a: DVec3| rgb0(a.as_vec3()));
     (params.width, params.height, params.samples) = (camera.width, camera.height, camera.samples);
+    (params.scale, params.full_width, params.full_height) = (1, camera.width, camera.height);
     (params.extinction, params.albedo) = (rgb0(optics.extinction), rgb0(optics.albedo));
     params.emission = rgb0(optics.emission);
     (params.step, params.cut) = (medium.step, March::CUT);
@@ -294,6 +296,13 @@ fn plan_march<'a>(
     (params.phase_kind, params.phase) = (phase.kind, phase.lobes);
     (params.phase_at, params.phase_size) = (tables.len() as u32, phase.table.len() as u32);
     tables.extend(phase.table);
+    params.steps = scene.quality.steps.unwrap_or(0);
+    if scene.quality.jitter == Jitter::BlueNoise {
+        (params.jittered, params.jitter_at) = (1, tables.len() as u32);
+        params.jitter_offset = blue_noise::offset(u64::from(scene.frame) * u64::from(camera.samples));
+        tables.extend((0..camera.samples).map(|s| blue_noise::offset(s.into())));
+        tables.extend(blue_noise::tile());
+    }
     let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);

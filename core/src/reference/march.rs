@@ -7,7 +7,8 @@ use glam::DVec3;
 use super::closed::{emission_absorption, transmittance};
 use super::lookup::{Samples, Steps, apply, phase, xyz};
 use crate::basis::{Basis, SphericalHarmonics};
-use crate::stage::{LightRecord, MarchParams, shadow_kind};
+use crate::blue_noise;
+use crate::stage::{LightRecord, March, MarchParams, shadow_kind};
 
 /// What the bindings of [`March`](crate::stage::March) hold.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +31,8 @@ pub struct MarchInputs<'a> {
     pub surface: Option<&'a [[f32; 4]]>,
 }
 
-/// What [`March`](crate::stage::March) writes: eight values a pixel, which are premultiplied RGB and alpha,
-/// transmittance RGB and depth.
+/// What [`March`](crate::stage::March) writes: eight values a pixel, which are premultiplied RGB and alpha (of the medium
+/// alone, the surface's distance), transmittance RGB and depth.
 ///
 /// # Panics
 /// More bands than [`SphericalHarmonics`] has.
@@ -41,18 +42,23 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
     let mut film = Vec::new();
     for y in 0..params.height {
         for x in 0..params.width {
+            let full = |n: u32, size: u32| (n * params.scale + params.scale / 2).min(size - 1);
+            let (fx, fy) = (full(x, params.full_width), full(y, params.full_height));
+            let surface = inputs.surface.map(|s| s[(fy * params.full_width + fx) as usize]);
+            let limit = surface.map_or(f64::INFINITY, |s| s[3].into());
             let mut color = DVec3::ZERO;
             let mut through = DVec3::ZERO;
             let (mut stopped, mut stopped_at) = (0.0, 0.0);
             for s in 0..params.samples as usize {
-                let px = f64::from(x) + f64::from(inputs.tables[2 * s]);
-                let py = f64::from(y) + f64::from(inputs.tables[2 * s + 1]);
-                let a = 2.0 * px / f64::from(params.width) - 1.0;
-                let b = 1.0 - 2.0 * py / f64::from(params.height);
+                let px = f64::from(fx) + f64::from(inputs.tables[2 * s]);
+                let py = f64::from(fy) + f64::from(inputs.tables[2 * s + 1]);
+                let a = 2.0 * px / f64::from(params.full_width) - 1.0;
+                let b = 1.0 - 2.0 * py / f64::from(params.full_height);
                 let d = (xyz(params.forward) + a * xyz(params.right) + b * xyz(params.up)).normalize();
-                let surface = inputs.surface.map(|s| s[(y * params.width + x) as usize]);
-                let path = Path::walk(params, inputs, &harmonics, d, surface.map_or(f64::INFINITY, |s| s[3].into()));
+                let place = jitter(params, inputs.tables, x, y, s);
+                let path = Path::walk(params, inputs, &harmonics, d, limit, place);
                 let behind = match (surface, inputs.environment) {
+                    _ if params.alone == 1 => DVec3::ZERO,
                     (Some(surface), _) if surface[3].is_finite() => xyz(surface),
                     (_, Some(texels)) => sky(params, texels, d),
                     _ => DVec3::ZERO,
@@ -64,12 +70,24 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
             }
             let samples = f64::from(params.samples);
             let (color, through) = (color / samples, through / samples);
-            film.extend([color.x, color.y, color.z, 1.0 - (through.x + through.y + through.z) / 3.0]);
+            let alpha = 1.0 - (through.x + through.y + through.z) / 3.0;
+            film.extend([color.x, color.y, color.z]);
+            film.push(if params.alone == 1 { limit.min(March::FAR.into()) } else { alpha });
             let depth = if stopped > 0.0 { stopped_at / stopped } else { f64::INFINITY };
             film.extend([through.x, through.y, through.z, depth]);
         }
     }
     film
+}
+
+/// Where the samples of sub-pixel position `s` of a pixel lie within their steps.
+fn jitter(params: &MarchParams, tables: &[f32], x: u32, y: u32, s: usize) -> f64 {
+    if params.jittered == 0 {
+        return 0.5;
+    }
+    let (at, side) = (params.jitter_at as usize, blue_noise::SIDE);
+    let tile = tables[at + params.samples as usize + (y % side * side + x % side) as usize];
+    (f64::from(tile) + f64::from(tables[at + s]) + f64::from(params.jitter_offset)).fract()
 }
 
 /// One view ray.
@@ -87,17 +105,21 @@ impl Path {
         harmonics: &SphericalHarmonics,
         d: DVec3,
         limit: f64,
+        place: f64,
     ) -> Self {
         let density = Samples::new(inputs.density, params.dims);
         let emission = Samples::new(inputs.emission.unwrap_or(inputs.density), params.dims);
         let rows = [params.index_x, params.index_y, params.index_z];
-        let steps = Steps::new(xyz(params.eye), apply(rows, d), params.dims, limit, params.step.into());
+        let mut steps = Steps::new(xyz(params.eye), apply(rows, d), params.dims, limit, params.step.into());
+        if params.steps > 0 {
+            steps = steps.in_steps(params.steps.into());
+        }
         let mut path = Self { radiance: DVec3::ZERO, transmittance: DVec3::ONE, stopped: 0.0, stopped_at: 0.0 };
         for k in 0..steps.count {
             if path.transmittance.max_element() < f64::from(params.cut) {
                 break;
             }
-            let (t, at) = steps.middle(k);
+            let (t, at) = steps.within(k, place);
             let extinction = density.trilinear(at) * xyz(params.extinction);
             let light = gathered(params, inputs, harmonics, at, d) + direct(params, inputs, at, t, d);
             let source = extinction * xyz(params.albedo) * light + emission.trilinear(at) * xyz(params.emission);
@@ -226,6 +248,7 @@ mod tests {
         let axes = [forward, right * 0.3, right.cross(forward) * 0.2];
         [params.forward, params.right, params.up] = axes.map(|a| a.as_vec3().extend(0.0).to_array());
         (params.width, params.height, params.samples) = (9, 6, 1);
+        (params.scale, params.full_width, params.full_height) = (1, 9, 6);
         (params.extinction, params.albedo) = ([3.0, 2.0, 1.0, 0.0], [0.9, 0.5, 1.0, 0.0]);
         (params.step, params.cut, params.lights, params.shadow) = (1e-3, 0.0, 1, shadow_kind::MARCH);
         (params.phase_kind, params.phase) = (PhaseParams::HENYEY_GREENSTEIN, [0.5, 0.0, 1.0, 0.0]);
