@@ -173,6 +173,8 @@ impl Device for CpuDevice {
             Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
             Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory),
             Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
+            Stage::Upsample(stage) => kernels::upsample::run(stage, part, &mut memory, isa),
+            Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

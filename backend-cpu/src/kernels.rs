@@ -1,6 +1,7 @@
 //! The kernels: one file a stage, and the helpers they share. Every backend has files of the same names, which hold
 //! functions of the same names in the same order.
 
+pub(crate) mod accumulate;
 pub(crate) mod angle;
 pub(crate) mod field;
 pub(crate) mod harmonics;
@@ -15,3 +16,5 @@ pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;
 pub(crate) mod segment;
+pub(crate) mod sky;
+pub(crate) mod upsample;

@@ -40,9 +40,6 @@ float4 light_depths(const Bound *bound, float3 at, uint layer);
 Optics optics(const Bound *bound, float3 at, int3 size);
 float3 to_index(const Bound *bound, float3 d);
 Incident incident(const Bound *bound, uint i, float3 d, float t);
-float3 sky(const Bound *bound, float3 d);
-float3 sky_row(const Bound *bound, int i, int j, float f);
-float3 sky_texel(const Bound *bound, int n);
 
 float phase_value(const Bound *bound, uint i) {
     return bound->tables[bound->params->phase_at + i];
@@ -347,34 +344,4 @@ Incident incident(const Bound *bound, uint i, float3 d, float t) {
         found.falloff *= clamp((light.cone.y - off_axis) / rim, 0.0f, 1.0f);
     }
     return found;
-}
-
-// The environment's radiance from `d`.
-float3 sky(const Bound *bound, float3 d) {
-    uint width = bound->params->environment_width;
-    uint height = bound->params->environment_height;
-    float u = angle(d.x, -d.z) / (2.0f * PI) + bound->params->environment.w;
-    float x = (u - floor(u)) * convert_float(width) - 0.5f;
-    float y = angle_of_cosine(d.y) / PI * convert_float(height) - 0.5f;
-    int i = convert_int_sat(floor(x));
-    int j = convert_int_sat(floor(y));
-    float3 above = sky_row(bound, i, j, x - floor(x));
-    float3 below = sky_row(bound, i, j + 1, x - floor(x));
-    return (above + (below - above) * (y - floor(y))) * bound->params->environment.xyz;
-}
-
-float3 sky_row(const Bound *bound, int i, int j, float f) {
-    int width = (int)bound->params->environment_width;
-    int row = clamp(j, 0, (int)bound->params->environment_height - 1) * width;
-    float3 a = sky_texel(bound, row + (i + width) % width);
-    float3 b = sky_texel(bound, row + (i + 1) % width);
-    return a + (b - a) * f;
-}
-
-// Texel `n` of the environment, counted row by row, which are folded into a field.
-float3 sky_texel(const Bound *bound, int n) {
-    int3 size = convert_int3(bound->params->environment_dims.xyz);
-    int row = n / size.x;
-    int3 at = (int3)(n % size.x, row % size.y, row / size.y);
-    return texel_environment(bound, at, size, 0).xyz;
 }

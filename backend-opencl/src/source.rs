@@ -45,6 +45,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Harmonics => file!("harmonics.cl"),
         Helper::Segment => file!("segment.cl"),
         Helper::Noise => file!("noise.cl"),
+        Helper::Sky => file!("sky.cl"),
     }
 }
 
@@ -68,6 +69,8 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Relight(_) => (file!("relight.cl"), 1),
         Stage::March(_) => (file!("march.cl"), March::BLOCK * March::BLOCK),
         Stage::Inject(_) => (file!("inject.cl"), Inject::BRICK * Inject::BRICK),
+        Stage::Upsample(_) => (file!("upsample.cl"), March::BLOCK * March::BLOCK),
+        Stage::Accumulate(_) => (file!("accumulate.cl"), March::BLOCK * March::BLOCK),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

@@ -63,6 +63,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Harmonics => file!("harmonics.wgsl"),
         Helper::Segment => file!("segment.wgsl"),
         Helper::Noise => file!("noise.wgsl"),
+        Helper::Sky => file!("sky.wgsl"),
     }
 }
 
@@ -86,6 +87,8 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Relight(_) => (file!("relight.wgsl"), 64),
         Stage::March(_) => (file!("march.wgsl"), 1),
         Stage::Inject(_) => (file!("inject.wgsl"), 1),
+        Stage::Upsample(_) => (file!("upsample.wgsl"), 1),
+        Stage::Accumulate(_) => (file!("accumulate.wgsl"), 1),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

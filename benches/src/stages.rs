@@ -9,8 +9,9 @@ use airlight::random::{hash, unit};
 use airlight::scene::Camera;
 use airlight::stage::propagate::{self, scheme};
 use airlight::stage::{
-    BlobRecord, GridParams, Inject, InjectParams, LightPlace, March, MarchParams, Project, ProjectParams, Propagate,
-    PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Stage, inject_kind, shadow_kind,
+    Accumulate, AccumulateParams, BlobRecord, GridParams, Inject, InjectParams, LightPlace, March, MarchParams,
+    Project, ProjectParams, Propagate, PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Stage, Upsample,
+    UpsampleParams, accumulate_mode, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -25,7 +26,8 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 6] = ["inject", "reduce", "project", "propagate", "relight", "march"];
+pub const STAGES: [&str; 8] =
+    ["inject", "reduce", "project", "propagate", "relight", "march", "accumulate", "upsample"];
 
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
@@ -146,6 +148,8 @@ impl Rig {
             "propagate" => (self.propagate(), "cells"),
             "relight" => (self.relight(), "cells"),
             "march" => (self.march(view), "samples"),
+            "accumulate" => (self.accumulate(view), "pixels"),
+            "upsample" => (self.upsample(view), "pixels"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
@@ -273,6 +277,57 @@ impl Rig {
         Ok((Stage::Relight(stage), count))
     }
 
+    /// `upsample` by four along each side. Its elements are the pixels of the full picture.
+    fn upsample(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+        let (camera, scale) = (&view.camera, 4);
+        let mut params = UpsampleParams::zeroed();
+        [params.forward, params.right, params.up] = camera.axes().map(four);
+        (params.full_width, params.full_height, params.scale) = (camera.width, camera.height, scale);
+        (params.width, params.height) = (camera.width.div_ceil(scale), camera.height.div_ceil(scale));
+        params.samples = 1;
+        let pixels = view.rays.len() as u64;
+        let surface: Vec<[f32; 4]> =
+            (0..pixels).map(|n| [0.1, 0.2, 0.3, if n % 200 < 80 { 3.0 } else { March::FAR }]).collect();
+        let stage = Upsample {
+            params,
+            medium: self.fill(&medium(u64::from(params.width) * u64::from(params.height)))?,
+            surface: Some(self.fill(&surface)?),
+            normals: None,
+            environment: None,
+            subpixels: self.fill(&[0.5f32, 0.5])?,
+            film: self.make(2 * pixels, Usage::Output)?,
+        };
+        Ok((Stage::Upsample(stage), pixels))
+    }
+
+    /// `accumulate` where the eye moved. Its elements are the pixels.
+    fn accumulate(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+        let camera = &view.camera;
+        let [forward, right, up] = camera.axes();
+        let mut params = AccumulateParams::zeroed();
+        [params.forward, params.right, params.up] = [forward, right, up].map(four);
+        params.last_forward = params.forward;
+        [params.last_right, params.last_up] = [right, up].map(|axis| four(axis / axis.length_squared()));
+        params.moved = [0.02, 0.01, -0.03, 0.0];
+        (params.width, params.height, params.scale) = (camera.width, camera.height, 1);
+        (params.full_width, params.full_height) = (camera.width, camera.height);
+        (params.mode, params.most) = (accumulate_mode::MOVED, Accumulate::MOVED);
+        let pixels = view.rays.len() as u64;
+        let medium = medium(pixels);
+        let last: Vec<[f32; 4]> = medium
+            .chunks_exact(2)
+            .flat_map(|p| [[p[0][0], p[0][1], p[0][2], 5.0], p[1], [p[0][3], 0.0, 0.0, 0.0]])
+            .collect();
+        let stage = Accumulate {
+            params,
+            medium: self.fill(&medium)?,
+            last: self.fill(&last)?,
+            next: self.make(3 * pixels, Usage::Work)?,
+            mean: self.make(2 * pixels, Usage::Output)?,
+        };
+        Ok((Stage::Accumulate(stage), pixels))
+    }
+
     /// `march` without light, without stepping over empty space and without rays that end early: bare lookups and
     /// exponentials. Its elements are the view samples.
     fn march(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
@@ -303,6 +358,15 @@ impl Rig {
         };
         Ok((Stage::March(stage), view.samples()))
     }
+}
+
+/// A film of the medium alone, with a surface behind a part of it.
+fn medium(pixels: u64) -> Vec<[f32; 4]> {
+    let pixel = |n: u64| {
+        let surface = if n % 50 < 20 { 3.0 } else { March::FAR };
+        [[0.3, 0.2, 0.1, surface], [0.5, 0.6, 0.7, 2.0 + (n % 7) as f32 / 10.0]]
+    };
+    (0..pixels).flat_map(pixel).collect()
 }
 
 /// So many Gaussians, a cube number, on a jittered grid that fills a unit cube of `cells` a side: each is as wide as the

@@ -104,6 +104,7 @@ fn scene() -> Scene {
     scene.medium = Arc::new(Gaussians::new(blobs, Map::Plain.lattice(DIMS)).expect("Gaussians"));
     scene.lights = vec![Light::directional(DVec3::new(-0.4, 0.8, 0.3), Vec3::ONE).expect("a light")];
     scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, ..Opacity::default() }));
+    scene.quality.temporal = true;
     scene
 }
 

@@ -1,6 +1,5 @@
 //! `march`: view rays through the medium.
 
-use std::f32::consts::PI;
 use std::ops::Range;
 
 use airlight_core::blue_noise;
@@ -8,16 +7,17 @@ use airlight_core::device::DeviceError;
 use airlight_core::stage::{LightRecord, March, MarchParams, shadow_kind};
 use rayon::prelude::*;
 
-use super::angle::{angle, angle_of_cosine};
+use super::angle::angle_of_cosine;
 use super::field::{Colors, Place, Scalars};
 use super::harmonics::{self, harmonics};
 use super::phase::{Phase, phase};
 use super::sample::{Occupancy, Ray};
 use super::segment::segment;
+use super::sky::{Sky, sky};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, lerp, triple};
+use crate::packet::{F, LANES, M, dot, lanes, triple};
 
 const BLOCK: usize = March::BLOCK as usize;
 /// Pixels along each side of a packet.
@@ -33,7 +33,7 @@ struct Inputs<'a> {
     lights: &'a [LightRecord],
     phase: Phase<'a>,
     tables: &'a [f32],
-    environment: &'a [[f32; 4]],
+    environment: Option<Sky<'a>>,
     surface: &'a [[f32; 4]],
     grey: bool,
 }
@@ -80,8 +80,13 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         },
         tables,
         environment: match stage.environment {
-            Some(field) => bytemuck::cast_slice(read.field(field)?),
-            None => &[],
+            Some(field) => Some(Sky {
+                texels: bytemuck::cast_slice(read.field(field)?),
+                width: p.environment_width,
+                height: p.environment_height,
+                tint: p.environment,
+            }),
+            None => None,
         },
         surface: read.opt(stage.surface)?,
         grey: p.extinction[0] == p.extinction[1] && p.extinction[1] == p.extinction[2],
@@ -215,7 +220,7 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
             out.path = path.keep();
             return;
         }
-        let mut behind = if inputs.environment.is_empty() { [F::ZERO; 3] } else { sky(inputs, d) };
+        let mut behind = inputs.environment.map_or([F::ZERO; 3], |environment| sky(&environment, d));
         if p.alone == 1 {
             behind = [F::ZERO; 3];
         } else if let Some(surface) = &surface {
@@ -488,36 +493,4 @@ fn incident(p: &MarchParams, light: &LightRecord, d: [F; 3], t: F) -> ([F; 3], F
         falloff = falloff * inside.max(F::ZERO).min(F::ONE);
     }
     (toward, distance, falloff)
-}
-
-/// The environment's radiance from `d`.
-#[inline(always)]
-fn sky(inputs: &Inputs<'_>, d: [F; 3]) -> [F; 3] {
-    let p = inputs.p;
-    let u = angle(d[0], -d[2]) / (2.0 * PI) + p.environment[3];
-    let x = (u - u.floor()) * p.environment_width as f32 - 0.5;
-    let y = angle_of_cosine(d[1]) / PI * p.environment_height as f32 - 0.5;
-    let (i, j) = (x.floor(), y.floor());
-    let above = sky_row(inputs, i, j, x - i);
-    let below = sky_row(inputs, i, j + 1.0, x - i);
-    triple!(c => lerp(above[c], below[c], y - j) * p.environment[c])
-}
-
-#[inline(always)]
-fn sky_row(inputs: &Inputs<'_>, i: F, j: F, f: F) -> [F; 3] {
-    let (width, last) = (inputs.p.environment_width as usize, inputs.p.environment_height as usize - 1);
-    // Casting saturates: row -1 is row 0.
-    let start: [usize; LANES] = lanes!(l => (j.0[l] as usize).min(last) * width);
-    // Column -1 is the last one.
-    let column: [usize; LANES] = lanes!(l => (i.0[l] + 1.0) as usize + width - 1);
-    let a: [usize; LANES] = lanes!(l => start[l] + column[l] % width);
-    let b: [usize; LANES] = lanes!(l => start[l] + (column[l] + 1) % width);
-    let (a, b) = (sky_texel(inputs, a), sky_texel(inputs, b));
-    triple!(c => lerp(a[c], b[c], f))
-}
-
-/// Texels of the environment, counted row by row. Folded into a field they lie as they are counted.
-#[inline(always)]
-fn sky_texel(inputs: &Inputs<'_>, n: [usize; LANES]) -> [F; 3] {
-    triple!(c => F(lanes!(l => inputs.environment[n[l]][c])))
 }

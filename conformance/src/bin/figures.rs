@@ -12,8 +12,10 @@ use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::glam::DVec3;
 use airlight::media::Phase;
 use airlight::reference::{BruteForce, BruteSettings};
-use airlight::scene::{Content, Elimination, Film, Interpolation, LightsEstimate, Opacity, Records, Scene, Scheme};
-use airlight_conformance::{Subject, columns, compare, pictures};
+use airlight::scene::{
+    Content, Elimination, Film, Interpolation, Jitter, LightsEstimate, Opacity, Records, Scene, Scheme,
+};
+use airlight_conformance::{Subject, columns, compare, pictures, sequences};
 use clap::Parser;
 use libtest_mimic::Failed;
 use rayon::prelude::*;
@@ -295,6 +297,54 @@ fn opacity(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// The steps of what pictures are held to, in place of the truth.
+const MANY: u32 = 2048;
+
+fn frames(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
+    writeln!(page, "\n## Few steps, jittered and accumulated\n")?;
+    writeln!(
+        page,
+        "Clouds under a sun and a spot with a hard rim, before surfaces, 160 × 120; against {MANY} steps a ray. The mean of"
+    )?;
+    writeln!(page, "64 pictures differs from that of 256 by the last column.\n")?;
+    writeln!(page, "| steps | pictures | error | mean FLIP | against 256 pictures |")?;
+    writeln!(page, "| ---: | ---: | ---: | ---: | ---: |")?;
+    let scene = sequences::beam(160, 120).map_err(told)?;
+    let film = |scene: &Scene| render(subject, scene).map(|run| run.film).map_err(told);
+    let truth = film(&sequences::in_steps(&scene, MANY, Jitter::None, false))?;
+    let everywhere = |film: &Film, truth: &Film| percent(sequences::error(film, truth, |_| true));
+    for steps in [32, 128] {
+        let film = film(&sequences::in_steps(&scene, steps, Jitter::None, false))?;
+        let flip = number(sequences::mean_flip(&film, &truth));
+        writeln!(page, "| {steps} | unjittered | {} | {flip} | |", everywhere(&film, &truth))?;
+    }
+    let after = [1, 4, 16, 64, 256];
+    let jittered = sequences::in_steps(&scene, 32, Jitter::BlueNoise, true);
+    let mut renderer = subject.renderer().map_err(told)?;
+    let films = sequences::sequence(&mut renderer, &jittered, &after).map_err(told)?;
+    for (film, pictures) in films.iter().zip(after) {
+        let (error, flip) = (everywhere(film, &truth), number(sequences::mean_flip(film, &truth)));
+        let settled = everywhere(film, &films[films.len() - 1]);
+        writeln!(page, "| 32 | {pictures} | {error} | {flip} | {settled} |")?;
+    }
+    writeln!(page, "\n## Marched small\n")?;
+    writeln!(
+        page,
+        "The same clouds without the spot, 320 × 240, steps of ½ voxel; errors against full size, along rims (within three"
+    )?;
+    writeln!(
+        page,
+        "pixels of where depths differ by a twentieth) and away from them. Seconds are those of all stages.\n"
+    )?;
+    writeln!(page, "| scale | away from rims | along rims | seconds |")?;
+    writeln!(page, "| ---: | ---: | ---: | ---: |")?;
+    let found = sequences::small(subject, &sequences::scene(320, 240).map_err(told)?).map_err(told)?;
+    for (scale, small) in [1, 2, 4].into_iter().zip(found) {
+        writeln!(page, "| {scale} | {} | {} | {} |", percent(small.away), percent(small.along), number(small.seconds))?;
+    }
+    Ok(())
+}
+
 fn told(failed: Failed) -> Box<dyn Error> {
     failed.message().unwrap_or("failed without a reason").into()
 }
@@ -314,6 +364,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     probes(&mut page, &subject)?;
     truncation(&mut page, &subject)?;
     opacity(&mut page, &subject)?;
+    frames(&mut page, &subject)?;
     match args.output {
         Some(path) => std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?,
         None => print!("{page}"),

@@ -289,8 +289,11 @@ fn hold(record: &mut Record, set: &Set, params: &MarchParams, found: &[f32], exp
         found.iter().map(|p| [p[0], p[1], p[2]]),
         expected.iter().map(|p| [p[0], p[1], p[2]]),
     );
-    let fourth = if set.alone { "surface" } else { "alpha" };
-    record.hold(fourth, found.iter().map(|p| p[3]), expected.iter().map(|p| p[3]));
+    if set.alone {
+        record.hold("inverse surface", found.iter().map(|p| 1.0 / p[3]), expected.iter().map(|p| 1.0 / p[3]));
+    } else {
+        record.hold("alpha", found.iter().map(|p| p[3]), expected.iter().map(|p| p[3]));
+    }
     record.hold(
         "transmittance",
         found.iter().flat_map(|p| [p[4], p[5], p[6]]),

@@ -1,5 +1,6 @@
 //! Each stage against its twin.
 
+mod accumulate;
 mod inject;
 mod march;
 mod march_cases;
@@ -7,6 +8,7 @@ mod project;
 mod propagate;
 mod reduce;
 mod relight;
+mod upsample;
 
 use libtest_mimic::Failed;
 
@@ -21,6 +23,8 @@ pub(crate) fn cases() -> Vec<Case> {
         propagate::cases(),
         relight::cases(),
         march_cases::cases(),
+        upsample::cases(),
+        accumulate::cases(),
     ];
     all.into_iter().flatten().collect()
 }

@@ -8,9 +8,9 @@ use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, PhaseParams, Project,
-    ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, Stage, inject_kind, propagate::scheme,
-    shadow_kind,
+    Accumulate, AccumulateParams, BlobRecord, Inject, InjectParams, LightFace, LightPlace, LightRecord, March,
+    MarchParams, PhaseParams, Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, Stage,
+    Upsample, UpsampleParams, accumulate_mode, inject_kind, propagate::scheme, shadow_kind,
 };
 
 /// A language of kernels.
@@ -77,11 +77,13 @@ pub enum Helper {
     Segment,
     /// Fractal gradient noise.
     Noise,
+    /// The environment as it is seen.
+    Sky,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -90,6 +92,7 @@ impl Helper {
         Self::Harmonics,
         Self::Segment,
         Self::Noise,
+        Self::Sky,
     ];
 
     /// Name of its file, without the language's ending.
@@ -103,6 +106,7 @@ impl Helper {
             Self::Harmonics => "harmonics",
             Self::Segment => "segment",
             Self::Noise => "noise",
+            Self::Sky => "sky",
         }
     }
 }
@@ -148,7 +152,7 @@ const MARCH: Recipe = Recipe {
     params: MarchParams::NAME,
     structs: &[MarchParams::text, LightRecord::text],
     per_field: &[Helper::Field],
-    helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Segment],
+    helpers: &[Helper::Sample, Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Segment, Helper::Sky],
 };
 
 const INJECT: Recipe = Recipe {
@@ -157,6 +161,16 @@ const INJECT: Recipe = Recipe {
     per_field: &[],
     helpers: &[Helper::Noise],
 };
+
+const UPSAMPLE: Recipe = Recipe {
+    params: UpsampleParams::NAME,
+    structs: &[UpsampleParams::text],
+    per_field: &[],
+    helpers: &[Helper::Angle, Helper::Sky],
+};
+
+const ACCUMULATE: Recipe =
+    Recipe { params: AccumulateParams::NAME, structs: &[AccumulateParams::text], per_field: &[], helpers: &[] };
 
 impl Recipe {
     /// Of a stage's kernel.
@@ -168,6 +182,8 @@ impl Recipe {
             Stage::Relight(_) => RELIGHT,
             Stage::March(_) => MARCH,
             Stage::Inject(_) => INJECT,
+            Stage::Upsample(_) => UPSAMPLE,
+            Stage::Accumulate(_) => ACCUMULATE,
         }
     }
 
@@ -191,6 +207,8 @@ impl Recipe {
             ("ALL_ROWS", Reduce::ALL_ROWS),
             ("LANES", Project::LANES),
             ("BRICK", Inject::BRICK),
+            ("ACCUMULATE_MOVED", accumulate_mode::MOVED),
+            ("ACCUMULATE_AGAIN", accumulate_mode::AGAIN),
             ("INJECT_GAUSSIANS", inject_kind::GAUSSIANS),
             ("INJECT_HEIGHT_FOG", inject_kind::HEIGHT_FOG),
             ("NOISE_PERIOD", FractalNoise::PERIOD),
@@ -198,7 +216,17 @@ impl Recipe {
         ] {
             out += &language.integer(name, value);
         }
-        for (name, value) in [("REDUCE_SLACK", Reduce::SLACK), ("INJECT_FAR", Inject::FAR), ("DENSITY_MAX", LARGEST)] {
+        for (name, value) in [
+            ("REDUCE_SLACK", Reduce::SLACK),
+            ("INJECT_FAR", Inject::FAR),
+            ("DENSITY_MAX", LARGEST),
+            ("NO_SURFACE", March::FAR),
+            ("UPSAMPLE_NEAR", Upsample::NEAR),
+            ("UPSAMPLE_COSINE", Upsample::COSINE),
+            ("UPSAMPLE_FIT", Upsample::FIT),
+            ("ACCUMULATE_NEAR", Accumulate::NEAR),
+            ("ACCUMULATE_FIT", Accumulate::FIT),
+        ] {
             out += &language.float(name, value);
         }
         for shape in shapes {

@@ -1,6 +1,8 @@
 //! `direct`: every analytic light at every view sample (the course project of `docs/papers.md`, with falloff and
 //! phase function).
 
+use glam::DVec3;
+
 use super::opacity::propagate;
 use super::{Estimator, LightShadow, Lights, MediumFields, Sources};
 use crate::exec::{Plan, RenderError};
@@ -38,13 +40,18 @@ pub(super) fn records<'a>(
     if scene.lights.is_empty() || scene.optics.albedo == glam::Vec3::ZERO {
         return None;
     }
-    let records = scene.lights.iter().map(|light| record(light, scene)).collect();
+    let records = light_records(&scene.lights, scene.camera.origin);
     Some(Lights { records: plan.table("lights", records), shadow: shadow(plan) })
 }
 
-/// Positions are relative to the eye, subtracted in f64, so that scenes far from the origin keep their precision.
-fn record(light: &Light, scene: &Scene) -> LightRecord {
-    let relative = |p: glam::DVec3| (p - scene.camera.origin).as_vec3().extend(1.0).to_array();
+/// Lights as kernels see them. Positions are relative to the eye, subtracted in f64, so that scenes far from the origin
+/// keep their precision.
+pub(crate) fn light_records(lights: &[Light], eye: DVec3) -> Vec<LightRecord> {
+    lights.iter().map(|light| record(light, eye)).collect()
+}
+
+fn record(light: &Light, eye: DVec3) -> LightRecord {
+    let relative = |p: DVec3| (p - eye).as_vec3().extend(1.0).to_array();
     let rgb = |v: glam::Vec3| v.extend(0.0).to_array();
     match *light {
         Light::Directional { to_light, irradiance } => LightRecord {

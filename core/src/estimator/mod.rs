@@ -6,6 +6,7 @@ mod direct;
 mod opacity;
 mod records;
 
+pub(crate) use direct::light_records;
 use glam::DVec3;
 
 use crate::device::{Buf, Field};

@@ -1,11 +1,10 @@
 //! Twin of the stage [`March`](crate::stage::March).
 
-use std::f64::consts::PI;
-
 use glam::DVec3;
 
 use super::closed::{emission_absorption, transmittance};
 use super::lookup::{Samples, Steps, apply, phase, xyz};
+use super::sky::sky;
 use crate::basis::{Basis, SphericalHarmonics};
 use crate::blue_noise;
 use crate::stage::{LightRecord, March, MarchParams, shadow_kind};
@@ -60,7 +59,9 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
                 let behind = match (surface, inputs.environment) {
                     _ if params.alone == 1 => DVec3::ZERO,
                     (Some(surface), _) if surface[3].is_finite() => xyz(surface),
-                    (_, Some(texels)) => sky(params, texels, d),
+                    (_, Some(texels)) => {
+                        sky([params.environment_width, params.environment_height], params.environment, texels, d)
+                    }
                     _ => DVec3::ZERO,
                 };
                 color += path.radiance + path.transmittance * behind;
@@ -207,23 +208,6 @@ fn cone(light: &LightRecord, toward: DVec3) -> f64 {
     } else {
         (cutoff - angle) / (cutoff - beam)
     }
-}
-
-/// The environment's radiance from `d`.
-fn sky(params: &MarchParams, texels: &[[f32; 4]], d: DVec3) -> DVec3 {
-    let (width, height) = (i64::from(params.environment_width), i64::from(params.environment_height));
-    let turns = d.x.atan2(-d.z) / (2.0 * PI) + f64::from(params.environment[3]);
-    let x = turns.rem_euclid(1.0) * width as f64 - 0.5;
-    let y = d.y.clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
-    let mut sum = DVec3::ZERO;
-    for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-        let column = (x.floor() as i64 + right).rem_euclid(width);
-        let row = (y.floor() as i64 + below).clamp(0, height - 1);
-        let across = if right == 1 { x - x.floor() } else { 1.0 - (x - x.floor()) };
-        let down = if below == 1 { y - y.floor() } else { 1.0 - (y - y.floor()) };
-        sum += xyz(texels[(row * width + column) as usize]) * (across * down);
-    }
-    sum * xyz(params.environment)
 }
 
 #[cfg(test)]

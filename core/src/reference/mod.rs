@@ -5,6 +5,7 @@
 //! stage writes in the same layout. They index without checks: what they are given must satisfy the stage's
 //! [`validate`](crate::stage::Kernel::validate).
 
+mod accumulate;
 pub mod brute;
 pub mod closed;
 mod inject;
@@ -14,7 +15,10 @@ mod project;
 mod propagate;
 mod reduce;
 mod relight;
+mod sky;
+mod upsample;
 
+pub use accumulate::{AccumulateInputs, accumulate};
 pub use brute::{BruteForce, BruteSettings};
 pub use inject::{InjectInputs, inject};
 pub use march::{MarchInputs, march};
@@ -22,3 +26,4 @@ pub use project::{ProjectInputs, project};
 pub use propagate::{PropagateInputs, propagate};
 pub use reduce::{ReduceInputs, reduce};
 pub use relight::{RelightInputs, relight};
+pub use upsample::{UpsampleInputs, upsample};

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{Inject, March, Project, Propagate, Reduce, Relight, Stage};
+use super::{Accumulate, Inject, March, Project, Propagate, Reduce, Relight, Stage, Upsample};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -69,6 +69,22 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             starts: full.then(|| buf(2)),
             list: full.then(|| buf(3)),
             out: buf(4),
+        }),
+        Stage::Upsample(Upsample {
+            params: Zeroable::zeroed(),
+            medium: buf(0),
+            surface: full.then(|| buf(1)),
+            normals: full.then(|| buf(2)),
+            environment: full.then(|| field(3, FieldFormat::Rgba)),
+            subpixels: buf(4),
+            film: buf(5),
+        }),
+        Stage::Accumulate(Accumulate {
+            params: Zeroable::zeroed(),
+            medium: buf(0),
+            last: buf(1),
+            next: buf(2),
+            mean: buf(3),
         }),
     ]
 }

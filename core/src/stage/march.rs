@@ -32,6 +32,7 @@ use crate::blue_noise;
 use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec};
 use crate::kernel_struct;
 use crate::stage::grid::{is_scalar, most_steps};
+use crate::stage::upsample::is_sky;
 use crate::stage::{Kernel, PhaseParams, require};
 
 kernel_struct! {
@@ -361,13 +362,7 @@ impl Kernel for March {
         }
         require!(self.tables.len >= table, "tables of {} values for {table}", self.tables.len);
         if let Some(environment) = self.environment {
-            let texels = u64::from(p.environment_width) * u64::from(p.environment_height);
-            let spec = environment.spec;
-            let [x, y, z, _] = p.environment_dims;
-            require!(spec.dims == [x, y, z] && spec.layers == 1, "an environment of {spec:?} for {x} × {y} × {z}");
-            require!(spec.format == FieldFormat::Rgba, "an environment of {spec:?}");
-            let range = 1..=spec.texels().min(i32::MAX as u64);
-            require!(range.contains(&texels), "{texels} texels of the environment in {spec:?}");
+            is_sky(&environment, p.environment_dims, [p.environment_width, p.environment_height])?;
         }
         Ok(())
     }

@@ -4,6 +4,7 @@
 //! ranges, which do not depend on each other unless the stage is sequential. Each file here says what its stage computes and where that comes from;
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
+mod accumulate;
 mod examples;
 mod grid;
 mod inject;
@@ -12,7 +13,9 @@ mod project;
 pub mod propagate;
 mod reduce;
 mod relight;
+mod upsample;
 
+pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
 pub use examples::examples;
 pub use grid::{GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
@@ -21,6 +24,7 @@ pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
 pub use relight::{Relight, RelightParams};
+pub use upsample::{Upsample, UpsampleParams};
 
 use crate::device::{Binding, BindingAccess};
 
@@ -83,6 +87,10 @@ pub enum Stage {
     March(March),
     /// Density of a medium that is described instead of sampled.
     Inject(Inject),
+    /// The picture from a film of the medium alone, which may be smaller.
+    Upsample(Upsample),
+    /// The mean of the medium over the pictures of a sequence.
+    Accumulate(Accumulate),
 }
 
 macro_rules! each {
@@ -94,6 +102,8 @@ macro_rules! each {
             Stage::Relight($stage) => $value,
             Stage::March($stage) => $value,
             Stage::Inject($stage) => $value,
+            Stage::Upsample($stage) => $value,
+            Stage::Accumulate($stage) => $value,
         }
     };
 }
@@ -104,8 +114,16 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 6] =
-        [Reduce::NAME, Project::NAME, Propagate::NAME, Relight::NAME, March::NAME, Inject::NAME];
+    pub const NAMES: [&'static str; 8] = [
+        Reduce::NAME,
+        Project::NAME,
+        Propagate::NAME,
+        Relight::NAME,
+        March::NAME,
+        Inject::NAME,
+        Upsample::NAME,
+        Accumulate::NAME,
+    ];
 
     /// Name of the stage and of its kernel files.
     pub fn name(&self) -> &'static str {
@@ -152,6 +170,8 @@ impl Stage {
             Self::Relight(stage) => stage.passes(turns)?.into_iter().map(Self::Relight).collect(),
             Self::March(stage) => stage.passes(turns)?.into_iter().map(Self::March).collect(),
             Self::Inject(stage) => stage.passes(turns)?.into_iter().map(Self::Inject).collect(),
+            Self::Upsample(stage) => stage.passes(turns)?.into_iter().map(Self::Upsample).collect(),
+            Self::Accumulate(stage) => stage.passes(turns)?.into_iter().map(Self::Accumulate).collect(),
         })
     }
 
