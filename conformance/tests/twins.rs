@@ -33,6 +33,8 @@ const CPU: Backend = Backend {
         ("propagate", "run", MEMORY),
         ("relight", "run", MEMORY),
         ("march", "run", MEMORY),
+        ("upsample", "run", MEMORY),
+        ("accumulate", "run", MEMORY),
         ("march", "load", LANES),
         ("march", "store", LANES),
         ("march", "block", LANES),

@@ -57,7 +57,7 @@ pub(crate) fn cases() -> Vec<Case> {
 
 fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> {
     let (width, height) = (21, 13);
-    let now = camera(width * set.scale - 1, height * set.scale, 1);
+    let now = camera(width * set.scale - set.scale / 2, height * set.scale, 1);
     let before = Camera { origin: now.origin - set.moved[0], target: now.target - set.moved[1], ..now };
     let rgb0 = |v: DVec3| v.as_vec3().extend(0.0).to_array();
     let mut params = AccumulateParams::zeroed();
