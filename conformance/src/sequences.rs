@@ -33,7 +33,7 @@ pub(crate) fn cases() -> Vec<Case> {
         Case::new(
             "sequence::small_marches",
             "A picture marched at a quarter of the size is that of full size, to 3 % away from rims of depth; along them, in \
-             32 jittered steps, its error is at most twice that at half the size.",
+             16 jittered steps, its error is at most twice that at half the size.",
             small_marches,
         ),
         Case::new(
@@ -225,7 +225,7 @@ fn small_marches(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     // of second order, and a quarter up to four times as far off as a half.
     let lit = beam(192, 144)?;
     let truth = by_the_processor(&in_steps(&lit, 512, Jitter::None, false))?;
-    let [_, half, quarter] = small(subject, &in_steps(&lit, 32, Jitter::BlueNoise, false), Some(&truth))?;
+    let [_, half, quarter] = small(subject, &in_steps(&lit, 16, Jitter::BlueNoise, false), Some(&truth))?;
     record.score("along rims, quarter over half size", "ratio of errors", quarter.along / half.along, 2.0);
     Ok(())
 }
