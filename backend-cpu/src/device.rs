@@ -176,6 +176,8 @@ impl Device for CpuDevice {
             Stage::Trace(stage) => kernels::trace::run(stage, part, &mut memory, isa),
             Stage::Shade(stage) => kernels::shade::run(stage, part, &mut memory, isa),
             Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),
+            Stage::Upsample(stage) => kernels::upsample::run(stage, part, &mut memory, isa),
+            Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

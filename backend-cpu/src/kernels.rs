@@ -1,6 +1,7 @@
 //! The kernels: one file a stage, and the helpers they share. Every backend has files of the same names, which hold
 //! functions of the same names in the same order.
 
+pub(crate) mod accumulate;
 pub(crate) mod angle;
 pub(crate) mod face;
 pub(crate) mod field;
@@ -20,5 +21,7 @@ pub(crate) mod sample;
 pub(crate) mod segment;
 pub(crate) mod shade;
 pub(crate) mod shadow;
+pub(crate) mod sky;
 pub(crate) mod trace;
+pub(crate) mod upsample;
 pub(crate) mod view;

@@ -54,7 +54,7 @@ fn scene(content: Content, phase: Phase) -> Scene {
             environment: Some(EnvironmentEstimate::Records(Records { cells: 11, content, ..Records::default() })),
             ..Estimate::default()
         },
-        quality: Quality { step: 0.7 },
+        quality: Quality { step: 0.7, ..Quality::default() },
     }
 }
 

@@ -18,7 +18,8 @@ typedef struct {
     float3 emission;
 } Optics;
 
-Path enter(const Bound *bound, float3 direction, float limit);
+float jitter(const Bound *bound, uint x, uint y, uint s);
+Path enter(const Bound *bound, float3 direction, float limit, float place);
 void resume(const Bound *bound, Path *path, size_t pixel);
 void keep(const Bound *bound, const Path *path, size_t pixel);
 void walk(const Bound *bound, Path *path);
@@ -30,9 +31,6 @@ float visibility(const Bound *bound, uint i, const Incident *light, float3 d, fl
 float mapped(const Bound *bound, const LightRecord *record, const Incident *light, float3 at);
 float4 light_depths(const Bound *bound, float3 at, uint layer);
 Optics optics(const Bound *bound, float3 at, int3 size);
-float3 sky(const Bound *bound, float3 d);
-float3 sky_row(const Bound *bound, int i, int j, float f);
-float3 sky_texel(const Bound *bound, int n);
 
 float phase_value(const Bound *bound, uint i) {
     return bound->tables[bound->params->phase_at + i];
@@ -62,6 +60,13 @@ void run_march(const Bound *bound) {
         return;
     }
     size_t pixel = (size_t)y * width + x;
+    // The same pixel of the full picture.
+    uint scale = bound->params->scale;
+    uint full_width = bound->params->full_width;
+    uint full_height = bound->params->full_height;
+    uint fx = min(x * scale + scale / 2u, full_width - 1u);
+    uint fy = min(y * scale + scale / 2u, full_height - 1u);
+    size_t full = (size_t)fy * full_width + fx;
     float3 color = (float3)(0.0f);
     float3 transmitted = (float3)(0.0f);
     float stopped = 0.0f;
@@ -77,17 +82,17 @@ void run_march(const Bound *bound) {
     }
     bool ends = bound->params->step_end == ALL_STEPS;
     for (uint s = bound->params->sample_begin; s < bound->params->sample_end; s++) {
-        float a = (convert_float(x) + bound->tables[2u * s]) * (2.0f / convert_float(width)) - 1.0f;
-        float b = 1.0f - (convert_float(y) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(height));
+        float a = (convert_float(fx) + bound->tables[2u * s]) * (2.0f / convert_float(full_width)) - 1.0f;
+        float b = 1.0f - (convert_float(fy) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(full_height));
         float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
         float3 direction = toward / sqrt(dot(toward, toward));
         float4 seen = (float4)(0.0f, 0.0f, 0.0f, FAR);
         if (has_surface) {
             uint each = bound->params->surface_samples;
-            seen = bound->surface[pixel * each + s % each];
+            seen = bound->surface[full * each + s % each];
         }
         float limit = fmin(seen.w, FAR);
-        Path path = enter(bound, direction, limit);
+        Path path = enter(bound, direction, limit, jitter(bound, x, y, s));
         if (has_paths && bound->params->step_begin > 0u) {
             resume(bound, &path, pixel);
         }
@@ -97,7 +102,9 @@ void run_march(const Bound *bound) {
             return;
         }
         float3 behind = (float3)(0.0f);
-        if (limit < FAR) {
+        if (bound->params->alone == 1u) {
+            behind = (float3)(0.0f);
+        } else if (limit < FAR) {
             behind = seen.xyz;
         } else if (has_environment) {
             behind = sky(bound, direction);
@@ -112,19 +119,41 @@ void run_march(const Bound *bound) {
         bound->film[2u * pixel + 1u] = (float4)(transmitted, stopped_at);
         return;
     }
-    float scale = 1.0f / convert_float(bound->params->samples);
-    float mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0f);
+    float share = 1.0f / convert_float(bound->params->samples);
+    float mean = (transmitted.x + transmitted.y + transmitted.z) * (share / 3.0f);
     float depth = stopped > 0.0f ? stopped_at / stopped : INFINITY;
-    bound->film[2u * pixel] = (float4)(color * scale, 1.0f - mean);
-    bound->film[2u * pixel + 1u] = (float4)(transmitted * scale, depth);
+    float last = 1.0f - mean;
+    if (bound->params->alone == 1u) {
+        last = FAR;
+        if (has_surface) {
+            last = fmin(bound->surface[full * bound->params->surface_samples].w, FAR);
+        }
+    }
+    bound->film[2u * pixel] = (float4)(color * share, last);
+    bound->film[2u * pixel + 1u] = (float4)(transmitted * share, depth);
+}
+
+// Where the samples of a sub-pixel position of a pixel lie within their steps.
+float jitter(const Bound *bound, uint x, uint y, uint s) {
+    if (bound->params->jittered == 0u) {
+        return 0.5f;
+    }
+    uint at = bound->params->jitter_at;
+    uint pixel = y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
+    float place = bound->tables[at + bound->params->samples + pixel] + bound->tables[at + s] + bound->params->jitter_offset;
+    return place - floor(place);
 }
 
 // The path along `direction` before its first step.
-Path enter(const Bound *bound, float3 direction, float limit) {
+Path enter(const Bound *bound, float3 direction, float limit, float place) {
     float3 index = to_index(bound, direction);
     Path path;
     path.direction = direction;
     path.ray = through(bound->params->eye.xyz, index, convert_float3(bound->params->dims.xyz), limit, bound->params->step);
+    if (bound->params->steps > 0u) {
+        path.ray = in_steps(path.ray, convert_float(bound->params->steps));
+    }
+    path.ray.place = place;
     path.radiance = (float3)(0.0f);
     path.transmittance = (float3)(1.0f);
     path.stopped = 0.0f;
@@ -348,34 +377,4 @@ Optics optics(const Bound *bound, float3 at, int3 size) {
     here.scattering = scatters * bound->params->extinction.xyz * bound->params->albedo.xyz;
     here.emission = source * bound->params->emission.xyz;
     return here;
-}
-
-// The environment's radiance from `d`.
-float3 sky(const Bound *bound, float3 d) {
-    uint width = bound->params->environment_width;
-    uint height = bound->params->environment_height;
-    float u = angle(d.x, -d.z) / (2.0f * PI) + bound->params->environment.w;
-    float x = (u - floor(u)) * convert_float(width) - 0.5f;
-    float y = angle_of_cosine(d.y) / PI * convert_float(height) - 0.5f;
-    int i = convert_int_sat(floor(x));
-    int j = convert_int_sat(floor(y));
-    float3 above = sky_row(bound, i, j, x - floor(x));
-    float3 below = sky_row(bound, i, j + 1, x - floor(x));
-    return (above + (below - above) * (y - floor(y))) * bound->params->environment.xyz;
-}
-
-float3 sky_row(const Bound *bound, int i, int j, float f) {
-    int width = (int)bound->params->environment_width;
-    int row = clamp(j, 0, (int)bound->params->environment_height - 1) * width;
-    float3 a = sky_texel(bound, row + (i + width) % width);
-    float3 b = sky_texel(bound, row + (i + 1) % width);
-    return a + (b - a) * f;
-}
-
-// Texel `n` of the environment, counted row by row, which are folded into a field.
-float3 sky_texel(const Bound *bound, int n) {
-    int3 size = convert_int3(bound->params->environment_dims.xyz);
-    int row = n / size.x;
-    int3 at = (int3)(n % size.x, row % size.y, row / size.y);
-    return texel_environment(bound, at, size, 0).xyz;
 }

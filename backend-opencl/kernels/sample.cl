@@ -12,10 +12,12 @@ typedef struct {
     float step;
     // Number of steps.
     float steps;
+    // Where a step is sampled, as a part of it.
+    float place;
 } Ray;
 
-// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k + 1/2)
-// steps. `blocks`: blocks along x, y, z and their side in voxels.
+// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k +
+// place) steps. `blocks`: blocks along x, y, z and their side in voxels.
 float skip(const Bound *bound, const Ray *ray, float t, float k, uint4 blocks) {
     float side = convert_float(blocks.w);
     float3 place = floor((ray->origin + t * ray->direction + 0.5f) / side);
@@ -28,7 +30,7 @@ float skip(const Bound *bound, const Ray *ray, float t, float k, uint4 blocks) {
     float3 leave = (wall - ray->origin) / ray->direction;
     float exit = min(min(leave.x, leave.y), leave.z);
     // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-    float beyond = floor((exit - ray->start) / ray->step - 0.5f);
+    float beyond = floor((exit - ray->start) / ray->step - ray->place);
     return max(beyond, k + 1.0f);
 }
 
@@ -50,6 +52,14 @@ Ray through(float3 origin, float3 direction, float3 size, float limit, float lon
     ray.start = near;
     ray.steps = ceil(extent / longest);
     ray.step = ray.steps > 0.0f ? extent / max(ray.steps, 1.0f) : 0.0f;
+    ray.place = 0.5f;
+    return ray;
+}
+
+// The same part of the ray in `count` steps.
+Ray in_steps(Ray ray, float count) {
+    ray.step = ray.step * ray.steps / count;
+    ray.steps = ray.steps > 0.0f ? count : 0.0f;
     return ray;
 }
 
@@ -58,9 +68,9 @@ float3 along(const Ray *ray, float t) {
     return ray->origin + t * ray->direction;
 }
 
-// The middle of step `k`, in metres along.
+// Where step `k` is sampled, in metres along.
 float middle(const Ray *ray, float k) {
-    return ray->start + ray->step * (k + 0.5f);
+    return ray->start + ray->step * (k + ray->place);
 }
 
 // The column of density along the ray, in units of density times metres. `blocks` as in `skip`, of side 0 for none.

@@ -17,6 +17,8 @@ use ocl::core::{
     ProgramBuildInfo, Status,
 };
 
+use crate::source::entry_point;
+
 /// Work-items of a workgroup, where the device and the kernel take so many.
 pub(crate) const WORKGROUP: usize = 64;
 
@@ -214,7 +216,7 @@ impl Cl {
         self.done("clEnqueueCopyBuffer", bytes, copied)
     }
 
-    /// Builds a kernel. Faults in its text begin with their file and line.
+    /// Builds the kernel whose function is the [`entry_point`] of `name`. Faults in its text begin with their file and line.
     pub(crate) fn build(&mut self, name: &'static str, text: &str, options: &str) -> Result<Built, DeviceError> {
         self.check()?;
         let words =
@@ -227,7 +229,7 @@ impl Cl {
         if built.is_err() || !self.is_built(&program) {
             return Err(self.unbuilt(name, options, &program, built.err()));
         }
-        let kernel = self.done("clCreateKernel", 0, core::create_kernel(&program, name))?;
+        let kernel = self.done("clCreateKernel", 0, core::create_kernel(&program, entry_point(name)))?;
         let most = core::get_kernel_work_group_info(&kernel, self.device, KernelWorkGroupInfo::WorkGroupSize);
         let fits = matches!(most, Ok(KernelWorkGroupInfoResult::WorkGroupSize(most)) if most >= WORKGROUP);
         Ok(Built { name, kernel, workgroup: fits.then_some(WORKGROUP) })

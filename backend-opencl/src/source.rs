@@ -49,18 +49,24 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Light => file!("light.cl"),
         Helper::Mesh => file!("mesh.cl"),
         Helper::Face => file!("face.cl"),
+        Helper::Sky => file!("sky.cl"),
     }
 }
 
 /// The kernel of a stage.
 #[derive(Debug)]
 pub(crate) struct Source {
-    /// Name of the entry point.
+    /// Name of the stage.
     pub(crate) name: &'static str,
     /// Work-items of a unit of the work axis, or of an item of a unit where the stage is sequential.
     pub(crate) items: u32,
     file: KernelFile,
     recipe: Recipe,
+}
+
+/// The function of a stage's kernel. OpenCL C has functions of its own of the names of some stages.
+pub(crate) fn entry_point(stage: &str) -> String {
+    format!("stage_{stage}")
 }
 
 /// The kernel of a stage.
@@ -75,6 +81,8 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Trace(_) => (file!("trace.cl"), 1),
         Stage::Shade(_) => (file!("shade.cl"), 1),
         Stage::Shadow(_) => (file!("shadow.cl"), 1),
+        Stage::Upsample(_) => (file!("upsample.cl"), March::BLOCK * March::BLOCK),
+        Stage::Accumulate(_) => (file!("accumulate.cl"), March::BLOCK * March::BLOCK),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }
@@ -146,9 +154,9 @@ impl Source {
                 }
             }
         }
-        let name = self.name;
+        let (name, entry) = (self.name, entry_point(self.name));
         format!(
-            "__kernel void {name}(__constant const Constants *constants{arguments}) {{\n    Bound bound;\n    \
+            "__kernel void {entry}(__constant const Constants *constants{arguments}) {{\n    Bound bound;\n    \
              bound.params = &constants->params;\n    bound.launch = &constants->launch;\n{filled}    \
              run_{name}(&bound);\n}}\n"
         )

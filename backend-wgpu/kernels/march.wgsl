@@ -38,6 +38,10 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.width + x;
+    // The same pixel of the full picture.
+    let fx = min(x * params.scale + params.scale / 2u, params.full_width - 1u);
+    let fy = min(y * params.scale + params.scale / 2u, params.full_height - 1u);
+    let full = (fy - launch.first * BLOCK * params.scale) * params.full_width + fx;
     var color = vec3<f32>(0.0);
     var transmitted = vec3<f32>(0.0);
     var stopped = 0.0;
@@ -53,16 +57,16 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     let ends = params.step_end == ALL_STEPS;
     for (var s = params.sample_begin; s < params.sample_end; s++) {
-        let a = (f32(x) + tables[2u * s]) * (2.0 / f32(params.width)) - 1.0;
-        let b = 1.0 - (f32(y) + tables[2u * s + 1u]) * (2.0 / f32(params.height));
+        let a = (f32(fx) + tables[2u * s]) * (2.0 / f32(params.full_width)) - 1.0;
+        let b = 1.0 - (f32(fy) + tables[2u * s + 1u]) * (2.0 / f32(params.full_height));
         let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
         let direction = toward / length(toward);
         var seen = vec4<f32>(0.0, 0.0, 0.0, FAR);
         if has_surface {
-            seen = surface[pixel * params.surface_samples + s % params.surface_samples];
+            seen = surface[full * params.surface_samples + s % params.surface_samples];
         }
         let limit = min(seen.w, FAR);
-        var path = enter(direction, limit);
+        var path = enter(direction, limit, jitter(x, y, s));
         if has_paths && params.step_begin > 0u {
             resume(&path, pixel);
         }
@@ -72,7 +76,9 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
             return;
         }
         var behind = vec3<f32>(0.0);
-        if limit < FAR {
+        if params.alone == 1u {
+            behind = vec3<f32>(0.0);
+        } else if limit < FAR {
             behind = seen.xyz;
         } else if has_environment {
             behind = sky(direction);
@@ -93,13 +99,34 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     if stopped > 0.0 {
         depth = stopped_at / stopped;
     }
-    film[2u * pixel] = vec4<f32>(color * scale, 1.0 - mean);
+    var last = 1.0 - mean;
+    if params.alone == 1u {
+        last = FAR;
+        if has_surface {
+            last = min(surface[full * params.surface_samples].w, FAR);
+        }
+    }
+    film[2u * pixel] = vec4<f32>(color * scale, last);
     film[2u * pixel + 1u] = vec4<f32>(transmitted * scale, depth);
 }
 
+// Where the samples of a sub-pixel position of a pixel lie within their steps.
+fn jitter(x: u32, y: u32, s: u32) -> f32 {
+    if params.jittered == 0u {
+        return 0.5;
+    }
+    let at = params.jitter_at + params.samples + y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
+    let place = tables[at] + tables[params.jitter_at + s] + params.jitter_offset;
+    return place - floor(place);
+}
+
 // The path along `direction` before its first step.
-fn enter(direction: vec3<f32>, limit: f32) -> Path {
-    let ray = through(params.eye.xyz, to_index(direction), vec3<f32>(params.dims.xyz), limit, params.step);
+fn enter(direction: vec3<f32>, limit: f32, place: f32) -> Path {
+    var ray = through(params.eye.xyz, to_index(direction), vec3<f32>(params.dims.xyz), limit, params.step);
+    if params.steps > 0u {
+        ray = in_steps(ray, f32(params.steps));
+    }
+    ray.place = place;
     return Path(direction, ray, vec3<f32>(0.0), vec3<f32>(1.0), 0.0, 0.0);
 }
 
@@ -316,34 +343,4 @@ fn optics(at: vec3<f32>, size: vec3<i32>) -> Optics {
     }
     let scattering = scatters * params.extinction.xyz * params.albedo.xyz;
     return Optics(density * params.extinction.xyz, scattering, source * params.emission.xyz);
-}
-
-// The environment's radiance from `d`.
-fn sky(d: vec3<f32>) -> vec3<f32> {
-    let width = i32(params.environment_width);
-    let height = i32(params.environment_height);
-    let u = angle(d.x, -d.z) / (2.0 * PI) + params.environment.w;
-    let x = (u - floor(u)) * f32(width) - 0.5;
-    let y = angle_of_cosine(d.y) / PI * f32(height) - 0.5;
-    let i = i32(floor(x));
-    let j = i32(floor(y));
-    let above = sky_row(i, j, x - floor(x));
-    let below = sky_row(i, j + 1, x - floor(x));
-    return (above + (below - above) * (y - floor(y))) * params.environment.xyz;
-}
-
-fn sky_row(i: i32, j: i32, f: f32) -> vec3<f32> {
-    let width = i32(params.environment_width);
-    let row = clamp(j, 0, i32(params.environment_height) - 1) * width;
-    let a = sky_texel(row + (i + width) % width);
-    let b = sky_texel(row + (i + 1) % width);
-    return a + (b - a) * f;
-}
-
-// Texel `n` of the environment, counted row by row, which are folded into a field.
-fn sky_texel(n: i32) -> vec3<f32> {
-    let size = vec3<i32>(params.environment_dims.xyz);
-    let row = n / size.x;
-    let at = vec3<i32>(n % size.x, row % size.y, row / size.y);
-    return texel_environment(at, size, 0).xyz;
 }

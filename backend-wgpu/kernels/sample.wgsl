@@ -12,10 +12,12 @@ struct Ray {
     step: f32,
     // Number of steps.
     steps: f32,
+    // Where a step is sampled, as a part of it.
+    place: f32,
 }
 
-// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k + 1/2)
-// steps. `blocks`: blocks along x, y, z and their side in voxels.
+// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k +
+// place) steps. `blocks`: blocks along x, y, z and their side in voxels.
 fn skip(ray: Ray, t: f32, k: f32, blocks: vec4<u32>) -> f32 {
     let side = f32(blocks.w);
     let at = ray.origin + t * ray.direction;
@@ -28,7 +30,7 @@ fn skip(ray: Ray, t: f32, k: f32, blocks: vec4<u32>) -> f32 {
     let leave = (wall - ray.origin) / ray.direction;
     let exit = min(min(leave.x, leave.y), leave.z);
     // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-    let beyond = floor((exit - ray.start) / ray.step - 0.5);
+    let beyond = floor((exit - ray.start) / ray.step - ray.place);
     return max(beyond, k + 1.0);
 }
 
@@ -46,7 +48,13 @@ fn through(origin: vec3<f32>, direction: vec3<f32>, size: vec3<f32>, limit: f32,
     let length = max(far - near, 0.0);
     let steps = ceil(length / longest);
     let step = select(0.0, length / max(steps, 1.0), steps > 0.0);
-    return Ray(origin, d, near, step, steps);
+    return Ray(origin, d, near, step, steps, 0.5);
+}
+
+// The same part of the ray in `count` steps.
+fn in_steps(ray: Ray, count: f32) -> Ray {
+    let steps = select(0.0, count, ray.steps > 0.0);
+    return Ray(ray.origin, ray.direction, ray.start, ray.step * ray.steps / count, steps, ray.place);
 }
 
 // The point `t` metres along.
@@ -54,9 +62,9 @@ fn along(ray: Ray, t: f32) -> vec3<f32> {
     return ray.origin + t * ray.direction;
 }
 
-// The middle of step `k`, in metres along.
+// Where step `k` is sampled, in metres along.
 fn middle(ray: Ray, k: f32) -> f32 {
-    return ray.start + ray.step * (k + 0.5);
+    return ray.start + ray.step * (k + ray.place);
 }
 
 // The column of density along the ray, in units of density times metres. `blocks` as in `skip`, of side 0 for none.

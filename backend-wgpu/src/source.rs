@@ -67,6 +67,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Light => file!("light.wgsl"),
         Helper::Mesh => file!("mesh.wgsl"),
         Helper::Face => file!("face.wgsl"),
+        Helper::Sky => file!("sky.wgsl"),
     }
 }
 
@@ -93,6 +94,8 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Trace(_) => (file!("trace.wgsl"), 64),
         Stage::Shade(_) => (file!("shade.wgsl"), 64),
         Stage::Shadow(_) => (file!("shadow.wgsl"), 64),
+        Stage::Upsample(_) => (file!("upsample.wgsl"), 1),
+        Stage::Accumulate(_) => (file!("accumulate.wgsl"), 1),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -9,9 +9,10 @@ use airlight::random::{hash, unit};
 use airlight::scene::{Camera, Material, Mesh, Triangle};
 use airlight::stage::propagate::{self, scheme};
 use airlight::stage::{
-    BlobRecord, GridParams, Inject, InjectParams, LightPlace, LightRecord, March, MarchParams, MaterialRecord, Project,
-    ProjectParams, Propagate, PropagateParams, Reduce, ReduceParams, Relight, RelightParams, Shade, ShadeParams,
-    Shadow, ShadowParams, Stage, Trace, TraceParams, inject_kind, shadow_kind,
+    Accumulate, AccumulateParams, BlobRecord, FAR, GridParams, Inject, InjectParams, LightPlace, LightRecord, March,
+    MarchParams, MaterialRecord, Project, ProjectParams, Propagate, PropagateParams, Reduce, ReduceParams, Relight,
+    RelightParams, Shade, ShadeParams, Shadow, ShadowParams, Stage, Trace, TraceParams, Upsample, UpsampleParams,
+    accumulate_mode, inject_kind, shadow_kind,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -26,8 +27,19 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 9] =
-    ["inject", "reduce", "project", "propagate", "relight", "march", "trace", "shade", "shadow"];
+pub const STAGES: [&str; 11] = [
+    "inject",
+    "reduce",
+    "project",
+    "propagate",
+    "relight",
+    "march",
+    "trace",
+    "shade",
+    "shadow",
+    "accumulate",
+    "upsample",
+];
 
 /// A ray of the view, in index space.
 #[derive(Clone, Copy, Debug)]
@@ -151,6 +163,8 @@ impl Rig {
             "trace" => (self.trace(view).map(|(trace, rays)| (Stage::Trace(trace), rays)), "rays"),
             "shade" => (self.shade(view), "hits"),
             "shadow" => (self.shadow(), "texels"),
+            "accumulate" => (self.accumulate(view), "pixels"),
+            "upsample" => (self.upsample(view), "pixels"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
@@ -298,6 +312,57 @@ impl Rig {
         Ok((Stage::Relight(stage), cells))
     }
 
+    /// `upsample` by four along each side. Its elements are the pixels of the full picture.
+    fn upsample(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+        let (camera, scale) = (&view.camera, 4);
+        let mut params = UpsampleParams::zeroed();
+        [params.forward, params.right, params.up] = camera.axes().map(four);
+        (params.full_width, params.full_height, params.scale) = (camera.width, camera.height, scale);
+        (params.width, params.height) = (camera.width.div_ceil(scale), camera.height.div_ceil(scale));
+        (params.samples, params.surface_samples) = (1, 1);
+        let pixels = view.rays.len() as u64;
+        let surface: Vec<[f32; 4]> =
+            (0..pixels).map(|n| [0.1, 0.2, 0.3, if n % 200 < 80 { 3.0 } else { FAR }]).collect();
+        let stage = Upsample {
+            params,
+            medium: self.fill(&medium(u64::from(params.width) * u64::from(params.height)))?,
+            surface: Some(self.fill(&surface)?),
+            normals: None,
+            environment: None,
+            subpixels: self.fill(&[0.5f32, 0.5])?,
+            film: self.make(2 * pixels, Usage::Output)?,
+        };
+        Ok((Stage::Upsample(stage), pixels))
+    }
+
+    /// `accumulate` where the eye moved. Its elements are the pixels.
+    fn accumulate(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
+        let camera = &view.camera;
+        let [forward, right, up] = camera.axes();
+        let mut params = AccumulateParams::zeroed();
+        [params.forward, params.right, params.up] = [forward, right, up].map(four);
+        params.last_forward = params.forward;
+        [params.last_right, params.last_up] = [right, up].map(|axis| four(axis / axis.length_squared()));
+        params.moved = [0.02, 0.01, -0.03, 0.0];
+        (params.width, params.height, params.scale) = (camera.width, camera.height, 1);
+        (params.full_width, params.full_height) = (camera.width, camera.height);
+        (params.mode, params.most) = (accumulate_mode::MOVED, Accumulate::MOVED);
+        let pixels = view.rays.len() as u64;
+        let medium = medium(pixels);
+        let last: Vec<[f32; 4]> = medium
+            .chunks_exact(2)
+            .flat_map(|p| [[p[0][0], p[0][1], p[0][2], 5.0], p[1], [p[0][3], 0.0, 0.0, 0.0]])
+            .collect();
+        let stage = Accumulate {
+            params,
+            medium: self.fill(&medium)?,
+            last: self.fill(&last)?,
+            next: self.make(3 * pixels, Usage::Work)?,
+            mean: self.make(2 * pixels, Usage::Output)?,
+        };
+        Ok((Stage::Accumulate(stage), pixels))
+    }
+
     /// `march` without light, without stepping over empty space and without rays that end early: bare lookups and
     /// exponentials. Its elements are the view samples.
     fn march(&mut self, view: &View) -> Result<(Stage, u64), DeviceError> {
@@ -308,6 +373,7 @@ impl Rig {
         params.eye = four(lattice().world_to_index().transform_point3(camera.origin));
         [params.forward, params.right, params.up] = camera.axes().map(four);
         (params.width, params.height, params.samples) = (camera.width, camera.height, 1);
+        (params.scale, params.full_width, params.full_height) = (1, camera.width, camera.height);
         (params.sample_end, params.step_end, params.surface_samples) = (1, March::ALL_STEPS, 1);
         params.extinction = [EXTINCTION; 4];
         (params.step, params.cut, params.shadow) = (lattice().shortest_edge() as f32, March::CUT, shadow_kind::NONE);
@@ -421,6 +487,15 @@ fn waves(n: u32) -> Mesh {
         [[a, b, c], [b, d, c]].map(|vertices| Triangle { vertices, material: 0 })
     });
     Mesh::new(positions, vec![], triangles.collect(), vec![Material::default()]).expect("a floor")
+}
+
+/// A film of the medium alone, with a surface behind a part of it.
+fn medium(pixels: u64) -> Vec<[f32; 4]> {
+    let pixel = |n: u64| {
+        let surface = if n % 50 < 20 { 3.0 } else { FAR };
+        [[0.3, 0.2, 0.1, surface], [0.5, 0.6, 0.7, 2.0 + (n % 7) as f32 / 10.0]]
+    };
+    (0..pixels).flat_map(pixel).collect()
 }
 
 /// So many Gaussians, a cube number, on a jittered grid that fills a unit cube of `cells` a side: each is as wide as the

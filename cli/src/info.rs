@@ -6,7 +6,7 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
-use airlight::scene::{Background, Material, Scene};
+use airlight::scene::{Background, Jitter, Material, Scene};
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
 use airlight_formats::{mesh, volume};
@@ -113,7 +113,14 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
         },
-        "quality": { "step": quality.step, "step_metres": quality.step * medium.voxel() },
+        "quality": {
+            "step": quality.step,
+            "step_metres": quality.step * medium.voxel(),
+            "steps": quality.steps,
+            "jitter": jitter(quality.jitter),
+            "scale": quality.scale,
+            "temporal": quality.temporal,
+        },
         "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
         "warnings": loaded.warnings,
     }))
@@ -146,6 +153,14 @@ fn fields(medium: &dyn Medium) -> Value {
         map.extend(largest(field, values).map(|most| (name.to_owned(), most)));
     }
     if map.is_empty() { Value::Null } else { Value::Object(map) }
+}
+
+/// A jitter as scenes name it.
+pub(crate) fn jitter(jitter: Jitter) -> &'static str {
+    match jitter {
+        Jitter::None => "none",
+        Jitter::BlueNoise => "blue-noise",
+    }
 }
 
 /// A phase function without the entries of its table.

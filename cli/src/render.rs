@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 
 use crate::failure::Failure;
 use crate::progress::Meter;
-use crate::{Done, devices, frames, output};
+use crate::{Done, devices, frames, info, output};
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -216,6 +216,10 @@ impl Picture<'_> {
             ("airlight.settings", settings.join("; ")),
             ("airlight.samples", scene.camera.samples.to_string()),
             ("airlight.step", scene.quality.step.to_string()),
+            ("airlight.steps", scene.quality.steps.map_or_else(|| "by step".to_owned(), |steps| steps.to_string())),
+            ("airlight.jitter", info::jitter(scene.quality.jitter).to_owned()),
+            ("airlight.scale", scene.quality.scale.to_string()),
+            ("airlight.temporal", scene.quality.temporal.to_string()),
             ("airlight.seconds", format!("{:.3}", self.rendering.as_secs_f64())),
             ("airlight.stages", stages.join("; ")),
         ]

@@ -106,6 +106,7 @@ fn scene() -> Scene {
     let surface_shadow = SurfaceShadow::Map(9);
     scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, surface_shadow, ..Opacity::default() }));
     scene.surfaces = Some(Arc::new(room()));
+    scene.quality.temporal = true;
     scene
 }
 

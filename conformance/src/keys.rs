@@ -6,7 +6,8 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Medium, Phase};
 use airlight::scene::{
-    Content, Direct, EnvironmentEstimate, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow, SurfaceShadow,
+    Content, Direct, EnvironmentEstimate, Jitter, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow,
+    SurfaceShadow,
 };
 use libtest_mimic::Failed;
 
@@ -55,6 +56,12 @@ pub(crate) fn cases() -> Vec<Case> {
         fields(&base, &["march"], &["propagate", "reduce", "march"]),
     ));
     cases.push(case("surfaces", surfaces(), of_surfaces()));
+    let mut jittered = scene(Content::Radiance);
+    jittered.quality.jitter = Jitter::BlueNoise;
+    cases.push(case("jitter", jittered.clone(), pictures(&["march"])));
+    jittered.quality.scale = 2;
+    cases.push(case("jitter_at_half_size", jittered, pictures(&["march", "upsample"])));
+    cases.push(sequence());
     cases.push(case("optics_and_picture", scene(Content::Transmittance), optics()).at("content", "transmittance"));
     cases
 }
@@ -105,7 +112,7 @@ fn follow(subject: &Subject, record: &mut Record, mut scene: Scene, changes: &Ax
     let mut renderer = subject.renderer()?;
     let all = ["reduce", "project", "relight", "reduce", "march"];
     let first = renderer.render(&scene)?.report.ran();
-    if scene.environment.is_some() {
+    if scene.environment.is_some() && scene.quality.scale == 1 {
         check!(first == all, "the first frame ran {first:?}");
     }
     record.each(changes, |record, Change { change, ran: expected }| {
@@ -276,6 +283,52 @@ fn of_surfaces() -> Axis<Change> {
         change("albedo", |s| s.optics.albedo = Vec3::splat(0.3), &["march"]),
         change("the surfaces", |s| s.surfaces = Some(Arc::new(room())), &["shadow", "trace", "shade", "march"]),
         change("rays for maps", move |s| s.estimate.lights = direct(SurfaceShadow::Ray), &["march"]),
+    ])
+}
+
+/// Changes of the picture's number, and of what stands behind the medium. A picture costs `whole`.
+fn pictures(whole: &'static [&'static str]) -> Axis<Change> {
+    let none: &'static [&'static str] = &[];
+    changes([
+        change("nothing", |_| (), none),
+        change("the picture's number", |s| s.frame = 7, whole),
+        change("nothing again", |_| (), none),
+        change("the steps", |s| s.quality.steps = Some(9), whole),
+        change("without jitter", |s| s.quality.jitter = Jitter::None, whole),
+        // Nothing that is seen depends on it then.
+        change("the picture's number, unjittered", |s| s.frame = 8, none),
+    ])
+}
+
+/// Of a sequence the mean is always brought up to date; all else as without it.
+fn sequence() -> Case {
+    let checks = "Of a sequence that is accumulated just the stages run that depend on what changed, and the mean.";
+    let steps = sequence_changes();
+    let permutations = steps.clone();
+    Case::new("keys::sequence", checks, move |subject: &Subject, record: &mut Record| {
+        let mut renderer = subject.renderer()?;
+        let mut scene = scene(Content::Radiance);
+        (scene.quality.jitter, scene.quality.temporal) = (Jitter::BlueNoise, true);
+        renderer.render(&scene)?;
+        record.each(&steps, |_, Change { change, ran: expected }| {
+            change(&mut scene);
+            let ran = renderer.render(&scene)?.report.ran();
+            check!(ran == *expected, "{ran:?} ran, and {expected:?} should have");
+            Ok(())
+        })
+    })
+    .permutes(&permutations)
+}
+
+fn sequence_changes() -> Axis<Change> {
+    changes([
+        change("nothing", |_| (), &["accumulate", "upsample"]),
+        change("the picture's number", |s| s.frame = 7, &["march", "accumulate", "upsample"]),
+        change("the eye's place", |s| s.camera.origin.x += 0.1, &["march", "accumulate", "upsample"]),
+        change("without jitter", |s| s.quality.jitter = Jitter::None, &["march", "accumulate", "upsample"]),
+        // The mean of equal pictures is brought up to date all the same.
+        change("the picture's number, unjittered", |s| s.frame = 8, &["accumulate", "upsample"]),
+        change("not accumulated", |s| s.quality.temporal = false, &["march"]),
     ])
 }
 

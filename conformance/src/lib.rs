@@ -35,6 +35,7 @@ mod limits;
 pub mod pictures;
 mod record;
 mod report;
+pub mod sequences;
 mod sidecar;
 mod stages;
 mod suite;
@@ -136,6 +137,7 @@ pub fn cases() -> Vec<Case> {
         frames::cases(),
         estimators::cases(),
         keys::cases(),
+        sequences::cases(),
         pictures::cases(),
     ];
     groups.into_iter().flatten().collect()

@@ -205,6 +205,7 @@ impl Layered {
         params.cells = [dims[0], dims[1], dims[2], spec.layers];
         params.cells_per_voxel = [dims[0] as f32 / 8.0, dims[1] as f32 / 6.0, dims[2] as f32 / 10.0, 0.0];
         (params.width, params.height, params.samples) = (19, 11, 1);
+        (params.scale, params.full_width, params.full_height) = (1, 19, 11);
         (params.sample_end, params.step_end, params.surface_samples) = (1, March::ALL_STEPS, 1);
         (params.step, params.cut) = (0.1, March::CUT);
         (params.bands, params.trilinear, params.harmonics_at) = (bands, 1, 2);

@@ -88,7 +88,7 @@ pub fn scene() -> Result<Scene, Failed> {
         frame: 0,
         lights: Vec::new(),
         estimate: Estimate::default(),
-        quality: Quality { step: 0.5 },
+        quality: Quality { step: 0.5, ..Quality::default() },
     })
 }
 

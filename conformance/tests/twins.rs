@@ -41,6 +41,8 @@ const CPU: Backend = Backend {
         ("mesh", "new", CHECKED),
         ("mesh", "leaf", "a range of triangles, which loops elsewhere write out"),
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
+        ("upsample", "run", MEMORY),
+        ("accumulate", "run", MEMORY),
         ("march", "load", LANES),
         ("march", "store", LANES),
         ("march", "block", LANES),

@@ -8,6 +8,7 @@
 //! right-handed with +Y up. Directions ω point toward the source of light.
 
 pub mod basis;
+pub mod blue_noise;
 pub mod device;
 pub mod estimator;
 pub mod exec;

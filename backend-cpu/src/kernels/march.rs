@@ -1,13 +1,12 @@
 //! `march`: view rays through the medium.
 
-use std::f32::consts::PI;
 use std::ops::Range;
 
+use airlight_core::blue_noise;
 use airlight_core::device::DeviceError;
-use airlight_core::stage::{LightRecord, March, MarchParams, MeshRecord, shadow_kind, surface_shadow};
+use airlight_core::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, shadow_kind, surface_shadow};
 use rayon::prelude::*;
 
-use super::angle::{angle, angle_of_cosine};
 use super::face::{face, side_of};
 use super::field::{Colors, Place, Scalars};
 use super::harmonics::{self, harmonics};
@@ -16,10 +15,11 @@ use super::mesh::{Mesh, line};
 use super::phase::{Phase, phase};
 use super::sample::{Occupancy, Ray};
 use super::segment::segment;
+use super::sky::{Sky, sky};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, lerp, triple};
+use crate::packet::{F, LANES, M, dot, lanes, triple};
 
 const BLOCK: usize = March::BLOCK as usize;
 /// Pixels along each side of a packet.
@@ -37,7 +37,7 @@ struct Inputs<'a> {
     lights: &'a [LightRecord],
     phase: Phase<'a>,
     tables: &'a [f32],
-    environment: &'a [[f32; 4]],
+    environment: Option<Sky<'a>>,
     surface: &'a [[f32; 4]],
     mesh: Mesh<'a>,
     shadow_map: &'a [f32],
@@ -93,8 +93,13 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         },
         tables,
         environment: match stage.environment {
-            Some(field) => bytemuck::cast_slice(read.field(field)?),
-            None => &[],
+            Some(field) => Some(Sky {
+                texels: bytemuck::cast_slice(read.field(field)?),
+                width: p.environment_width,
+                height: p.environment_height,
+                tint: p.environment,
+            }),
+            None => None,
         },
         surface: read.opt(stage.surface)?,
         mesh: Mesh::new(read.opt(stage.mesh)?, p.nodes),
@@ -198,13 +203,12 @@ fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], rows: &Rows<'_>) -> 
 #[inline(always)]
 fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let p = inputs.p;
-    let x = F(lanes!(i => (corner[0] + i % SIDE) as f32));
-    let y = F(lanes!(i => (corner[1] + i / SIDE) as f32));
-    // Pixels past the picture's edge are marched as its last and never stored.
-    let pixel = |i: usize| {
-        let (x, y) = (corner[0] + i % SIDE, corner[1] + i / SIDE);
-        y.min(p.height as usize - 1) * p.width as usize + x.min(p.width as usize - 1)
-    };
+    // The same pixels of the full picture. Those past its edge are marched as its last and never stored.
+    let scale = p.scale as usize;
+    let full = |n: usize, size: u32| (n * scale + scale / 2).min(size as usize - 1);
+    let fx = F(lanes!(i => full(corner[0] + i % SIDE, p.full_width) as f32));
+    let fy = F(lanes!(i => full(corner[1] + i / SIDE, p.full_height) as f32));
+    let pixel = |i: usize| fy.0[i] as usize * p.full_width as usize + fx.0[i] as usize;
     let each = p.surface_samples as usize;
     let seen = |s: usize, c: usize| F(lanes!(i => inputs.surface[pixel(i) * each + s % each][c]));
     let (mut color, mut through) = ([F::ZERO; 3], [F::ZERO; 3]);
@@ -216,14 +220,14 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     }
     let ends = p.step_end == March::ALL_STEPS;
     for s in p.sample_begin as usize..p.sample_end as usize {
-        let a = (x + inputs.tables[2 * s]) * (2.0 / p.width as f32) - 1.0;
-        let b = -((y + inputs.tables[2 * s + 1]) * (2.0 / p.height as f32) - 1.0);
+        let a = (fx + inputs.tables[2 * s]) * (2.0 / p.full_width as f32) - 1.0;
+        let b = -((fy + inputs.tables[2 * s + 1]) * (2.0 / p.full_height as f32) - 1.0);
         let d = triple!(c => a * p.right[c] + b * p.up[c] + p.forward[c]);
         let length = dot(d, d).sqrt();
         let d = triple!(c => d[c] / length);
         let surface = (!inputs.surface.is_empty()).then(|| [seen(s, 0), seen(s, 1), seen(s, 2), seen(s, 3)]);
         let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
-        let mut path = Path::enter(inputs, d, limit);
+        let mut path = Path::enter(inputs, d, limit, jitter(inputs, corner, s));
         if p.step_begin > 0 {
             path.resume(&out.path);
         }
@@ -232,8 +236,10 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
             out.path = path.keep();
             return;
         }
-        let mut behind = if inputs.environment.is_empty() { [F::ZERO; 3] } else { sky(inputs, d) };
-        if let Some(surface) = &surface {
+        let mut behind = inputs.environment.map_or([F::ZERO; 3], |environment| sky(&environment, d));
+        if p.alone == 1 {
+            behind = [F::ZERO; 3];
+        } else if let Some(surface) = &surface {
             let hit = limit.lt(F::splat(f32::INFINITY));
             behind = triple!(c => hit.select(surface[c], behind[c]));
         }
@@ -248,9 +254,29 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     }
     let scale = 1.0 / p.samples as f32;
     let mean = (through[0] + through[1] + through[2]) * (scale / 3.0);
-    let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, F::ONE - mean];
+    let last = match (p.alone, inputs.surface.is_empty()) {
+        (0, _) => F::ONE - mean,
+        (_, true) => F::splat(FAR),
+        (_, false) => seen(0, 3).min(F::splat(FAR)),
+    };
+    let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, last];
     let depth = stopped.gt(F::ZERO).select(stopped_at / stopped, F::splat(f32::INFINITY));
     out.film = [beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]];
+}
+
+/// Where the samples of a sub-pixel position lie within their steps.
+#[inline(always)]
+fn jitter(inputs: &Inputs<'_>, corner: [usize; 2], s: usize) -> F {
+    let p = inputs.p;
+    if p.jittered == 0 {
+        return F::splat(0.5);
+    }
+    const TILE: usize = blue_noise::SIDE as usize;
+    let at = p.jitter_at as usize;
+    let tile = &inputs.tables[at + p.samples as usize..][..TILE * TILE];
+    let place = F(lanes!(i => tile[(corner[1] + i / SIDE) % TILE * TILE + (corner[0] + i % SIDE) % TILE]));
+    let place = place + inputs.tables[at + s] + p.jitter_offset;
+    place - place.floor()
 }
 
 /// One view ray of each lane.
@@ -269,7 +295,7 @@ struct Path {
 impl Path {
     /// The path along `d` before its first step.
     #[inline(always)]
-    fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F) -> Self {
+    fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F, place: F) -> Self {
         let p = inputs.p;
         let index = to_index(rows(p), d);
         let origin = triple!(a => F::splat(p.eye[a]));
@@ -277,9 +303,14 @@ impl Path {
         if p.cells[3] > 1 {
             harmonics(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut basis);
         }
+        let mut ray = Ray::through(origin, index, inputs.density.size(), limit, p.step);
+        if p.steps > 0 {
+            ray = ray.in_steps(p.steps as f32);
+        }
+        ray.place = place;
         Self {
             direction: d,
-            ray: Ray::through(origin, index, inputs.density.size(), limit, p.step),
+            ray,
             radiance: [F::ZERO; 3],
             transmittance: [F::ONE; 3],
             stopped: F::ZERO,
@@ -528,36 +559,4 @@ fn optics(inputs: &Inputs<'_>, at: [F; 3], active: M) -> Optics {
         scattering: triple!(c => scatters[c] * p.extinction[c] * p.albedo[c]),
         emission: triple!(c => source[c] * p.emission[c]),
     }
-}
-
-/// The environment's radiance from `d`.
-#[inline(always)]
-fn sky(inputs: &Inputs<'_>, d: [F; 3]) -> [F; 3] {
-    let p = inputs.p;
-    let u = angle(d[0], -d[2]) / (2.0 * PI) + p.environment[3];
-    let x = (u - u.floor()) * p.environment_width as f32 - 0.5;
-    let y = angle_of_cosine(d[1]) / PI * p.environment_height as f32 - 0.5;
-    let (i, j) = (x.floor(), y.floor());
-    let above = sky_row(inputs, i, j, x - i);
-    let below = sky_row(inputs, i, j + 1.0, x - i);
-    triple!(c => lerp(above[c], below[c], y - j) * p.environment[c])
-}
-
-#[inline(always)]
-fn sky_row(inputs: &Inputs<'_>, i: F, j: F, f: F) -> [F; 3] {
-    let (width, last) = (inputs.p.environment_width as usize, inputs.p.environment_height as usize - 1);
-    // Casting saturates: row -1 is row 0.
-    let start: [usize; LANES] = lanes!(l => (j.0[l] as usize).min(last) * width);
-    // Column -1 is the last one.
-    let column: [usize; LANES] = lanes!(l => (i.0[l] + 1.0) as usize + width - 1);
-    let a: [usize; LANES] = lanes!(l => start[l] + column[l] % width);
-    let b: [usize; LANES] = lanes!(l => start[l] + (column[l] + 1) % width);
-    let (a, b) = (sky_texel(inputs, a), sky_texel(inputs, b));
-    triple!(c => lerp(a[c], b[c], f))
-}
-
-/// Texels of the environment, counted row by row. Folded into a field they lie as they are counted.
-#[inline(always)]
-fn sky_texel(inputs: &Inputs<'_>, n: [usize; LANES]) -> [F; 3] {
-    triple!(c => F(lanes!(l => inputs.environment[n[l]][c])))
 }

@@ -20,7 +20,7 @@ impl<'a> Occupancy<'a> {
     }
 
     /// Where every active lane stands in an empty block: the number of the next sample that any of them must look
-    /// at. Else none. Samples lie at `t0 + (k + ½) Δ` along `origin + t · direction` (index space).
+    /// at. Else none. Samples lie at `t0 + (k + place) Δ` along `origin + t · direction` (index space).
     #[inline(always)]
     pub(crate) fn skip(&self, ray: &Ray, t: F, k: f32, active: M) -> Option<f32> {
         let mut next = f32::INFINITY;
@@ -44,7 +44,7 @@ impl<'a> Occupancy<'a> {
                 return None;
             }
             // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-            let beyond = ((exit - ray.start.0[i]) / ray.step.0[i] - 0.5).floor();
+            let beyond = ((exit - ray.start.0[i]) / ray.step.0[i] - ray.place.0[i]).floor();
             next = next.min(beyond);
         }
         Some(next.max(k + 1.0))
@@ -63,6 +63,8 @@ pub(crate) struct Ray {
     pub(crate) step: F,
     /// Number of steps.
     pub(crate) steps: F,
+    /// Where a step is sampled, as a part of it.
+    pub(crate) place: F,
 }
 
 impl Ray {
@@ -80,7 +82,14 @@ impl Ray {
         let length = (far - near).max(F::ZERO);
         let steps = (length / longest).ceil();
         let step = steps.gt(F::ZERO).select(length / steps.max(F::ONE), F::ZERO);
-        Self { origin, direction, start: near, step, steps }
+        Self { origin, direction, start: near, step, steps, place: F::splat(0.5) }
+    }
+
+    /// The same part of the ray in `count` steps.
+    #[inline(always)]
+    pub(crate) fn in_steps(self, count: f32) -> Self {
+        let steps = self.steps.gt(F::ZERO).select(F::splat(count), F::ZERO);
+        Self { step: self.step * self.steps / count, steps, ..self }
     }
 
     /// The point `t` metres along.
@@ -89,10 +98,10 @@ impl Ray {
         triple!(a => self.origin[a] + t * self.direction[a])
     }
 
-    /// The middle of step `k`, in metres along.
+    /// Where step `k` is sampled, in metres along.
     #[inline(always)]
     pub(crate) fn middle(&self, k: f32) -> F {
-        self.start + self.step * (k + 0.5)
+        self.start + self.step * (self.place + k)
     }
 
     /// The column of density along the ray, in units of density times metres.

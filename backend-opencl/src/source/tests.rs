@@ -20,7 +20,7 @@ pub(crate) fn shapes(stage: &Stage, slabs: u32, layered: bool) -> Vec<Shape> {
 
 /// The kernel's arguments, as the text declares them.
 fn arguments<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
-    let (_, after) = text.split_once(&format!("__kernel void {name}(")).unwrap();
+    let (_, after) = text.split_once(&format!("__kernel void {}(", entry_point(name))).unwrap();
     let (arguments, _) = after.split_once(')').unwrap();
     arguments.split(',').map(str::trim).collect()
 }

@@ -1,6 +1,7 @@
 //! One set of parameters of `march`, on a device and by its twin.
 
 use airlight::basis::recurrence_table;
+use airlight::blue_noise;
 use airlight::device::{Buf, Usage};
 use airlight::glam::{UVec3, Vec3};
 use airlight::light::Light;
@@ -46,6 +47,14 @@ pub(super) struct Set {
     pub(super) step: f32,
     /// Voxels of an occupancy cell's side.
     pub(super) block: u32,
+    /// Steps of every ray; 0 for as many as `step` asks for.
+    pub(super) steps: u32,
+    /// Number of the picture, where samples are jittered.
+    pub(super) jitter: Option<u32>,
+    /// Pixels of the picture along each side of one of the film.
+    pub(super) scale: u32,
+    /// Whether the film is of the medium alone.
+    pub(super) alone: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -80,6 +89,10 @@ pub(super) fn plain(name: &str) -> Set {
         surface_shadow: surface_shadow::NONE,
         step: 0.05,
         block: 2,
+        steps: 0,
+        jitter: None,
+        scale: 1,
+        alone: false,
     }
 }
 
@@ -114,7 +127,9 @@ fn host(set: &Set) -> Host {
     p.eye = rgb(lattice.world_to_index().transform_point3(camera.origin).as_vec3());
     [p.forward, p.right, p.up] = camera.axes().map(|a| rgb(a.as_vec3()));
     (p.extinction, p.albedo, p.emission) = (rgb(optics.extinction), rgb(optics.albedo), rgb(optics.emission));
-    (p.width, p.height, p.samples) = (camera.width, camera.height, camera.samples);
+    (p.full_width, p.full_height, p.samples) = (camera.width, camera.height, camera.samples);
+    (p.width, p.height) = (camera.width.div_ceil(set.scale), camera.height.div_ceil(set.scale));
+    (p.scale, p.alone, p.steps) = (set.scale, set.alone.into(), set.steps);
     (p.sample_end, p.step_end) = (p.samples, March::ALL_STEPS);
     (p.step, p.cut, p.light_floor) = (set.step, March::CUT, 1e-4);
     p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { set.dims[a].div_ceil(set.block) } else { set.block });
@@ -147,6 +162,12 @@ fn host(set: &Set) -> Host {
     (p.phase_kind, p.phase) = (phase.kind, phase.lobes);
     (p.phase_at, p.phase_size) = (tables.len() as u32, phase.table.len() as u32);
     tables.extend(phase.table);
+    if let Some(frame) = set.jitter {
+        (p.jittered, p.jitter_at) = (1, tables.len() as u32);
+        p.jitter_offset = blue_noise::offset(u64::from(frame) * u64::from(p.samples));
+        tables.extend((0..p.samples).map(|s| blue_noise::offset(s.into())));
+        tables.extend(blue_noise::tile());
+    }
     let mut environment = Vec::new();
     if let Some(rotation) = set.environment {
         let sky = sky();
@@ -266,7 +287,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         shadow_map: &host.shadow_map,
     };
     let expected = reference::march(&host.params, &inputs);
-    let seen = expected.chunks_exact(8).filter(|p| p[3] > 1e-3 || p[0] > 1e-3).count();
+    let seen = expected.chunks_exact(8).filter(|p| p[4] < 0.999 || p[0] > 1e-3).count();
     check!(seen > 20, "only {seen} pixels show the medium: the case tries nothing");
 
     record.each(&occupancies(), |record, &skips| {
@@ -283,29 +304,33 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
             };
             bench.run(record, &Stage::March(stage), cut)?;
             let found: Vec<[f32; 4]> = bench.read(film)?;
-            hold(record, set, found.as_flattened(), &expected);
+            hold(record, set, &host.params, found.as_flattened(), &expected);
             Ok(())
         })
     })
 }
 
 /// Holds a film of eight values a pixel (radiance, alpha, transmittance, depth) to the twin's.
-fn hold(record: &mut Record, set: &Set, found: &[f32], expected: &[f64]) {
+fn hold(record: &mut Record, set: &Set, params: &MarchParams, found: &[f32], expected: &[f64]) {
     let (found, expected) = (found.as_chunks::<8>().0, expected.as_chunks::<8>().0);
-    let size = [set.camera.width, set.camera.height];
+    let size = [params.width, params.height];
     record.picture(
         "radiance",
         size,
         found.iter().map(|p| [p[0], p[1], p[2]]),
         expected.iter().map(|p| [p[0], p[1], p[2]]),
     );
-    record.hold("alpha", found.iter().map(|p| p[3]), expected.iter().map(|p| p[3]));
+    if set.alone {
+        record.hold("inverse surface", found.iter().map(|p| 1.0 / p[3]), expected.iter().map(|p| 1.0 / p[3]));
+    } else {
+        record.hold("alpha", found.iter().map(|p| p[3]), expected.iter().map(|p| p[3]));
+    }
     record.hold(
         "transmittance",
         found.iter().flat_map(|p| [p[4], p[5], p[6]]),
         expected.iter().flat_map(|p| [p[4], p[5], p[6]]),
     );
     // Where next to nothing is stopped, one sample at the rim decides, and its density may be a rounding error.
-    let solid = || found.iter().zip(expected).filter(|(_, e)| e[3] > 1e-3);
+    let solid = || found.iter().zip(expected).filter(|(_, e)| e[4] + e[5] + e[6] < 2.997);
     record.hold("depth", solid().map(|(f, _)| f[7]), solid().map(|(_, e)| e[7]));
 }

@@ -12,7 +12,8 @@ use crate::fixtures::{Map, camera, chromatic, grey, phases};
 use crate::{Case, Record, Subject, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    let sets = [transmittance(), emission(), varying(), in_scatter(), lights(), shadowed(), background(), views()];
+    let sets =
+        [transmittance(), emission(), varying(), in_scatter(), lights(), shadowed(), background(), views(), samples()];
     let made = |set: Set| {
         let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
         let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
@@ -250,5 +251,35 @@ fn views() -> Vec<Set> {
         },
         Set { name: "everything_slanted".into(), map: Map::Sheared, camera: camera(21, 13, 3), ..all.clone() },
         all,
+    ]
+}
+
+/// Where samples lie, and of which pixels.
+fn samples() -> Vec<Set> {
+    let hg = || Phase::HenyeyGreenstein { g: 0.4 };
+    let lit = |name: &str| Set { lights: vec![sun()], shadow: shadow_kind::MARCH, ..scattering(name, hg()) };
+    // Larger than the tile, so that it repeats.
+    let wide = Camera { fov: 25.0, ..camera(139, 9, 1) };
+    let empty = Set { dims: UVec3::new(37, 21, 29), block: 4, map: Map::Rotated, ..lit("jittered_empty_space") };
+    vec![
+        Set { steps: 9, ..lit("nine_steps") },
+        Set { steps: 1, surface: true, map: Map::Sheared, ..plain("steps_to_a_surface") },
+        Set { steps: 700, step: 2.0, ..plain("more_steps_than_the_step_asks_for") },
+        Set { jitter: Some(0), ..lit("jittered") },
+        Set { jitter: Some(3), steps: 6, camera: wide, ..plain("jittered_steps") },
+        Set { jitter: Some(u32::MAX), camera: camera(21, 13, 5), surface: true, ..lit("jittered_samples") },
+        Set { jitter: Some(2), step: 0.03, ..empty.clone() },
+        Set { name: "jittered_steps_through_empty_space".into(), jitter: Some(1), steps: 60, ..empty },
+        Set { alone: true, surface: true, environment: Some(20.0), ..lit("alone") },
+        Set { alone: true, scale: 2, surface: true, camera: camera(43, 29, 1), jitter: Some(4), ..lit("half_size") },
+        Set {
+            alone: true,
+            scale: 4,
+            surface: true,
+            camera: camera(85, 51, 1),
+            map: Map::Mirrored,
+            ..lit("quarter_size")
+        },
+        Set { alone: true, scale: 4, camera: camera(84, 53, 1), ..plain("quarter_size_without_surfaces") },
     ]
 }

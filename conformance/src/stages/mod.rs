@@ -1,5 +1,6 @@
 //! Each stage against its twin.
 
+mod accumulate;
 mod inject;
 mod march;
 mod march_cases;
@@ -10,6 +11,7 @@ mod relight;
 mod shade;
 mod shadow;
 mod trace;
+mod upsample;
 
 use libtest_mimic::Failed;
 
@@ -27,6 +29,8 @@ pub(crate) fn cases() -> Vec<Case> {
         trace::cases(),
         shade::cases(),
         shadow::cases(),
+        upsample::cases(),
+        accumulate::cases(),
     ];
     all.into_iter().flatten().collect()
 }

@@ -9,8 +9,8 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs, ShadeInputs,
-    ShadowInputs, TraceInputs,
+    self, AccumulateInputs, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs,
+    ShadeInputs, ShadowInputs, TraceInputs, UpsampleInputs,
 };
 use airlight_core::stage::{Inject, March, Stage};
 use bytemuck::Pod;
@@ -262,6 +262,21 @@ impl Toy {
                 let inputs = ShadowInputs { lights: &self.records(s.lights), mesh: &self.records(s.mesh) };
                 vec![("shadow_map", reference::shadow(&s.params, &inputs))]
             }
+            Stage::Upsample(s) => {
+                let inputs = UpsampleInputs {
+                    medium: self.buffer(s.medium),
+                    surface: s.surface.map(|b| self.buffer(b)),
+                    normals: s.normals.map(|b| self.buffer(b)),
+                    environment: s.environment.map(|f| self.field(f)),
+                    subpixels: self.buffer(s.subpixels),
+                };
+                vec![("film", reference::upsample(&s.params, &inputs))]
+            }
+            Stage::Accumulate(s) => {
+                let inputs = AccumulateInputs { medium: self.buffer(s.medium), last: self.buffer(s.last) };
+                let (next, mean) = reference::accumulate(&s.params, &inputs);
+                vec![("next", next), ("mean", mean)]
+            }
         }
     }
 
@@ -288,11 +303,12 @@ impl Toy {
 /// The unit of the work axis that writes a word of an output.
 fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
     match stage {
-        // Blocks of 8 × 8 pixels, row by row, and eight words a pixel.
-        Stage::March(march) => {
-            let (pixel, width) = (word as u32 / 8, march.params.width);
-            let (x, y) = (pixel % width, pixel / width);
-            y / March::BLOCK * march.blocks()[0] + x / March::BLOCK
+        // Blocks of 8 × 8 pixels, row by row, and eight words a pixel, or twelve.
+        Stage::March(march) => block(word / 8, march.params.width),
+        Stage::Upsample(upsample) => block(word / 8, upsample.params.full_width),
+        Stage::Accumulate(accumulate) => {
+            let words = if output.name == "next" { 12 } else { 8 };
+            block(word / words, accumulate.params.width)
         }
         // Bricks of 8 × 8 × 8 samples, x fastest.
         Stage::Inject(inject) => {
@@ -312,4 +328,10 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
             (word as u64 / part) as u32
         }
     }
+}
+
+/// The block of a pixel in a picture of so many columns.
+fn block(pixel: usize, width: u32) -> u32 {
+    let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+    y / March::BLOCK * width.div_ceil(March::BLOCK) + x / March::BLOCK
 }

@@ -5,11 +5,13 @@
 
 use super::{Binding, BindingAccess, KernelElement, KernelStruct};
 use crate::basis::SphericalHarmonics;
+use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, MaterialRecord,
-    MeshRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams,
-    ShadowParams, Stage, TraceParams, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
+    Accumulate, AccumulateParams, BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March,
+    MarchParams, MaterialRecord, MeshRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce,
+    ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample, UpsampleParams,
+    accumulate_mode, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -84,11 +86,13 @@ pub enum Helper {
     Mesh,
     /// Faces of the maps of lights.
     Face,
+    /// The environment as it is seen.
+    Sky,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -101,6 +105,7 @@ impl Helper {
         Self::Light,
         Self::Mesh,
         Self::Face,
+        Self::Sky,
     ];
 
     /// Name of its file, without the language's ending.
@@ -118,6 +123,7 @@ impl Helper {
             Self::Light => "light",
             Self::Mesh => "mesh",
             Self::Face => "face",
+            Self::Sky => "sky",
         }
     }
 }
@@ -172,6 +178,7 @@ const MARCH: Recipe = Recipe {
         Helper::Light,
         Helper::Mesh,
         Helper::Face,
+        Helper::Sky,
     ],
 };
 
@@ -203,6 +210,16 @@ const INJECT: Recipe = Recipe {
     helpers: &[Helper::Noise],
 };
 
+const UPSAMPLE: Recipe = Recipe {
+    params: UpsampleParams::NAME,
+    structs: &[UpsampleParams::text],
+    per_field: &[],
+    helpers: &[Helper::Angle, Helper::Sky],
+};
+
+const ACCUMULATE: Recipe =
+    Recipe { params: AccumulateParams::NAME, structs: &[AccumulateParams::text], per_field: &[], helpers: &[] };
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -216,6 +233,8 @@ impl Recipe {
             Stage::Trace(_) => TRACE,
             Stage::Shade(_) => SHADE,
             Stage::Shadow(_) => SHADOW,
+            Stage::Upsample(_) => UPSAMPLE,
+            Stage::Accumulate(_) => ACCUMULATE,
         }
     }
 
@@ -238,10 +257,13 @@ impl Recipe {
             ("MESH_COUNT_BITS", MeshRecord::COUNT_BITS),
             ("MESH_COUNT_MASK", MeshRecord::COUNT_MASK),
             ("BLOCK", March::BLOCK),
+            ("JITTER_SIDE", blue_noise::SIDE),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
             ("LANES", Project::LANES),
             ("BRICK", Inject::BRICK),
+            ("ACCUMULATE_MOVED", accumulate_mode::MOVED),
+            ("ACCUMULATE_AGAIN", accumulate_mode::AGAIN),
             ("INJECT_GAUSSIANS", inject_kind::GAUSSIANS),
             ("INJECT_HEIGHT_FOG", inject_kind::HEIGHT_FOG),
             ("NOISE_PERIOD", FractalNoise::PERIOD),
@@ -256,6 +278,11 @@ impl Recipe {
             ("DENSITY_MAX", LARGEST),
             ("MESH_SLACK", MeshRecord::SLACK),
             ("MESH_MARGIN", MeshRecord::MARGIN),
+            ("UPSAMPLE_NEAR", Upsample::NEAR),
+            ("UPSAMPLE_COSINE", Upsample::COSINE),
+            ("UPSAMPLE_FIT", Upsample::FIT),
+            ("ACCUMULATE_NEAR", Accumulate::NEAR),
+            ("ACCUMULATE_FIT", Accumulate::FIT),
         ] {
             out += &language.float(name, value);
         }

@@ -175,7 +175,7 @@ impl Executor {
         let (device, report, pending) = (device.as_mut(), Report::default(), Vec::new());
         let mut run = Run { device, held, pace, patience: *patience, report, pending, learns: false };
         run.allocate(&plan, *budget)?;
-        let Plan { slots, nodes, states, .. } = plan;
+        let Plan { slots, nodes, states, handed, .. } = plan;
         let done = run.nodes(nodes, &slots.names, hooks, unproven).and_then(|()| run.end(end));
         match done {
             Ok(waited) if waited => unproven.clear(),
@@ -187,6 +187,7 @@ impl Executor {
                 return Err(error.into());
             }
         }
+        slots.handed = handed;
         for state in states {
             let swapped = slots.swapped.entry(state).or_default();
             *swapped = !*swapped;
@@ -234,7 +235,8 @@ impl Executor {
 /// Faults may surface late: what was written and not yet waited for is not taken for valid.
 fn distrust(held: &mut HashMap<ResourceId, Held>, unproven: &mut HashSet<ResourceId>) {
     for id in unproven.drain() {
-        held.entry(id).and_modify(|h| h.key = None);
+        // A state becomes zeros.
+        held.entry(id).and_modify(|h| (h.key, h.reset) = (None, None));
     }
 }
 

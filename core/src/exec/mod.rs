@@ -5,6 +5,7 @@
 //! the nodes whose key changed. A moving light over a still medium, a moving medium under a still sky and a moving
 //! eye over both need no flags: each redoes what depends on it.
 
+mod apart;
 mod density;
 mod error;
 mod executor;

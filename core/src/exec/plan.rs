@@ -1,5 +1,6 @@
 //! What one frame needs, in order.
 
+use std::any::Any;
 use std::collections::HashMap;
 use std::hash::Hash;
 
@@ -7,7 +8,7 @@ use bytemuck::Pod;
 
 use super::key::Key;
 use crate::device::{
-    BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, Limits, ResourceId, ResourceSpec, Usage,
+    Binding, BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, Limits, ResourceId, ResourceSpec, Usage,
 };
 use crate::stage::Stage;
 
@@ -49,6 +50,8 @@ pub(super) struct Slots {
     pub(super) names: Vec<String>,
     /// States whose two buffers have changed places.
     pub(super) swapped: HashMap<String, bool>,
+    /// What the last frame that ran handed on.
+    pub(super) handed: HashMap<String, Box<dyn Any + Send>>,
 }
 
 impl Slots {
@@ -70,6 +73,8 @@ pub struct Plan<'a> {
     pub(super) nodes: Vec<Node<'a>>,
     pub(super) declared: HashMap<ResourceId, Declared>,
     pub(super) states: Vec<String>,
+    /// What it hands on to the next one.
+    pub(super) handed: HashMap<String, Box<dyn Any + Send>>,
     /// Bytes that the host takes for itself while the plan runs and after.
     pub(super) host: u64,
     limits: Limits,
@@ -84,6 +89,7 @@ impl<'a> Plan<'a> {
             nodes: Vec::new(),
             declared: HashMap::new(),
             states: Vec::new(),
+            handed: HashMap::new(),
             host: 0,
             limits,
             keys: HashMap::new(),
@@ -211,27 +217,38 @@ impl<'a> Plan<'a> {
         State { previous: Buf::new(previous, len), next: Buf::new(next, len) }
     }
 
+    /// What the last frame that ran handed on under a name; none where it handed on nothing, or something of another type.
+    /// The next frame finds `value` there, if this one runs.
+    pub fn hand_on<T: Copy + Send + 'static>(&mut self, slot: &str, value: T) -> Option<T> {
+        self.handed.insert(slot.to_owned(), Box::new(value));
+        self.slots.handed.get(slot).and_then(|handed| handed.downcast_ref().copied())
+    }
+
+    /// The key that a stage's outputs would have if it were planned now: made of its name, its parameters, and the keys of
+    /// what it reads. Of two stages that differ in what shall not matter, equal keys say that nothing else does.
+    pub fn key(&self, stage: &Stage) -> Key {
+        let mut reads = Vec::new();
+        for Binding { name, id, access, .. } in stage.bindings() {
+            if let (Some(id), BindingAccess::Sample(_) | BindingAccess::Read(_)) = (id, access) {
+                let key = self.keys.get(&id);
+                let key = *key.unwrap_or_else(|| panic!("{} reads {name} before it is written", stage.name()));
+                reads.push((name, id.0, key));
+            }
+        }
+        Key::of(stage.name(), &(stage.params(), reads))
+    }
+
     /// A stage. It runs unless its parameters and what it reads are as they were.
     pub fn stage(&mut self, stage: Stage) {
-        let mut reads = Vec::new();
+        let base = self.key(&stage);
         let mut writes = Vec::new();
         let mut always = false;
         for binding in stage.bindings() {
-            let Some(id) = binding.id else { continue };
-            match binding.access {
-                BindingAccess::Sample(_) | BindingAccess::Read(_) => {
-                    let key = self.keys.get(&id);
-                    let key =
-                        *key.unwrap_or_else(|| panic!("{} reads {} before it is written", stage.name(), binding.name));
-                    reads.push((binding.name, id.0, key));
-                }
-                BindingAccess::Write(_) => {
-                    always |= self.declared.get(&id).is_some_and(|d| d.reset.is_some());
-                    writes.push((binding.name, id));
-                }
+            if let (Some(id), BindingAccess::Write(_)) = (binding.id, binding.access) {
+                always |= self.declared.get(&id).is_some_and(|d| d.reset.is_some());
+                writes.push((binding.name, id));
             }
         }
-        let base = Key::of(stage.name(), &(stage.params(), reads));
         let writes: Vec<_> = writes.into_iter().map(|(name, id)| (id, Key::of(name, &base))).collect();
         self.keys.extend(writes.iter().copied());
         self.nodes.push(Node { work: Work::Stage(Box::new(stage)), writes, always });

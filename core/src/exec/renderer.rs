@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::apart::{plan_accumulate, plan_upsample};
 use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
@@ -10,11 +11,12 @@ use super::surfaces::{
     Frame, MeshBuffers, Occupancy, SurfaceShadowing, plan_shade, plan_shadow, plan_trace, upload_lights, upload_mesh,
 };
 use crate::Version;
+use crate::blue_noise;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
 use crate::light::Environment;
 use crate::media::{OpticsField, OpticsFields};
-use crate::scene::{EnvironmentEstimate, Film, LightsEstimate, Scene};
+use crate::scene::{EnvironmentEstimate, Film, Jitter, LightsEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
 
 /// A film and how it came about.
@@ -29,7 +31,7 @@ pub struct Rendered {
 /// A film that stays on the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnDevice {
-    /// Two vectors a pixel, as the stage [`March`] writes them: premultiplied RGB and alpha; transmittance and depth.
+    /// Two vectors a pixel, as the stages [`March`] and [`Upsample`](crate::stage::Upsample) write them: premultiplied RGB and alpha; transmittance and depth.
     /// It holds until the next call of the renderer.
     pub film: Buf<[f32; 4]>,
     /// Columns.
@@ -198,7 +200,7 @@ fn plan_frame<'a>(
         }
         _ => background.map(|surface| Seen { surface, samples: 1 }),
     };
-    let behind = Behind { seen, mesh: mesh.as_ref(), shadow };
+    let behind = Behind { seen, normals: hits.map(|hits| hits.hits), mesh: mesh.as_ref(), shadow };
     Ok(plan_march(scene, &medium, occupancy, &sources, behind, plan))
 }
 
@@ -234,6 +236,8 @@ fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
 /// What ends view rays, and what shadows lights.
 struct Behind<'m> {
     seen: Option<Seen>,
+    /// Of the meshes, as `trace` leaves them.
+    normals: Option<Buf<[f32; 4]>>,
     mesh: Option<&'m MeshBuffers>,
     shadow: Option<SurfaceShadowing>,
 }
@@ -305,7 +309,10 @@ fn plan_march<'a>(
     let eye = scene.medium.lattice().world_to_index().transform_point3(camera.origin);
     params.eye = eye.as_vec3().extend(0.0).to_array();
     [params.forward, params.right, params.up] = camera.axes().map(|a: DVec3| rgb0(a.as_vec3()));
-    (params.width, params.height, params.samples) = (camera.width, camera.height, camera.samples);
+    let (quality, apart) = (&scene.quality, scene.quality.marches_apart());
+    (params.full_width, params.full_height, params.samples) = (camera.width, camera.height, camera.samples);
+    (params.scale, params.alone, params.steps) = (quality.scale, apart.into(), quality.steps.unwrap_or(0));
+    (params.width, params.height) = (camera.width.div_ceil(params.scale), camera.height.div_ceil(params.scale));
     (params.extinction, params.albedo) = (rgb0(optics.extinction), rgb0(optics.albedo));
     params.emission = rgb0(optics.emission);
     (params.step, params.cut) = (medium.step, March::CUT);
@@ -345,8 +352,14 @@ fn plan_march<'a>(
     (params.phase_kind, params.phase) = (phase.kind, phase.lobes);
     (params.phase_at, params.phase_size) = (tables.len() as u32, phase.table.len() as u32);
     tables.extend(phase.table);
+    if quality.jitter == Jitter::BlueNoise {
+        (params.jittered, params.jitter_at) = (1, tables.len() as u32);
+        params.jitter_offset = blue_noise::offset(u64::from(scene.frame) * u64::from(camera.samples));
+        tables.extend((0..camera.samples).map(|s| blue_noise::offset(s.into())));
+        tables.extend(blue_noise::tile());
+    }
     let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| upload_sky(e, &mut params, plan));
-    let pixels = u64::from(camera.width) * u64::from(camera.height);
+    let pixels = u64::from(params.width) * u64::from(params.height);
     (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);
     params.surface_samples = behind.seen.as_ref().map_or(1, |seen| seen.samples);
     let shadowing = behind.shadow;
@@ -370,13 +383,19 @@ fn plan_march<'a>(
         mesh: shadowing.and_then(|shadow| shadow.rays),
         shadow_map: shadowing.and_then(|shadow| shadow.map),
         paths: None,
-        film: plan.output("film", 2 * pixels),
+        film: if apart { plan.work("medium", 2 * pixels) } else { plan.output("film", 2 * pixels) },
     };
     if plan.loop_turns().is_some_and(|turns| march.keeps_paths(turns.into())) {
         march.paths = Some(plan.work("paths", 2 * pixels));
     }
-    let film = march.film;
-    plan.stage(Stage::March(march));
+    plan.stage(Stage::March(march.clone()));
+    let mut film = march.film;
+    if quality.temporal {
+        film = plan_accumulate(scene, &march, plan);
+    }
+    if apart {
+        film = plan_upsample(scene, &march, film, behind.normals, plan);
+    }
     film
 }
 

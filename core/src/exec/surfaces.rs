@@ -143,7 +143,7 @@ pub(super) fn plan_trace(scene: &Scene, mesh: &MeshBuffers, plan: &mut Plan<'_>)
 #[derive(Clone, Copy)]
 pub(super) struct Hits {
     tables: Buf<f32>,
-    hits: Buf<[f32; 4]>,
+    pub(super) hits: Buf<[f32; 4]>,
 }
 
 /// Light that surfaces send to the eye.

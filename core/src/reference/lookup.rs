@@ -127,9 +127,21 @@ impl Steps {
         Self { origin, direction, start: near, length, count: count as u64 }
     }
 
+    /// The same part of the ray in `count` steps.
+    pub(super) fn in_steps(self, count: u64) -> Self {
+        let inside = self.length * self.count as f64;
+        let count = if self.count > 0 { count } else { 0 };
+        Self { length: if count > 0 { inside / count as f64 } else { 0.0 }, count, ..self }
+    }
+
     /// The middle of step `k`: metres along the ray, and the point in index space.
     pub(super) fn middle(&self, k: u64) -> (f64, DVec3) {
-        let t = self.start + (k as f64 + 0.5) * self.length;
+        self.within(k, 0.5)
+    }
+
+    /// As [`Steps::middle`], at the part `place` of the step.
+    pub(super) fn within(&self, k: u64, place: f64) -> (f64, DVec3) {
+        let t = self.start + (k as f64 + place) * self.length;
         (t, self.origin + t * self.direction)
     }
 

@@ -1,15 +1,15 @@
 //! Twin of the stage [`March`](crate::stage::March).
 
-use std::f64::consts::PI;
-
 use glam::DVec3;
 
 use super::closed::{emission_absorption, transmittance};
 use super::lookup::{Samples, Steps, Tints, apply, phase, xyz};
 use super::mesh::nearest;
 use super::shadow::{Face, face, face_count};
+use super::sky::sky;
 use crate::basis::{Basis, SphericalHarmonics};
-use crate::stage::{LightRecord, MarchParams, MeshRecord, shadow_kind, surface_shadow};
+use crate::blue_noise;
+use crate::stage::{FAR, LightRecord, MarchParams, MeshRecord, shadow_kind, surface_shadow};
 
 /// What the bindings of [`March`](crate::stage::March) hold.
 #[derive(Clone, Copy, Debug)]
@@ -40,8 +40,8 @@ pub struct MarchInputs<'a> {
     pub shadow_map: &'a [f32],
 }
 
-/// What [`March`](crate::stage::March) writes: eight values a pixel, which are premultiplied RGB and alpha,
-/// transmittance RGB and depth.
+/// What [`March`](crate::stage::March) writes: eight values a pixel, which are premultiplied RGB and alpha (of the medium
+/// alone, the surface's distance), transmittance RGB and depth.
 ///
 /// # Panics
 /// More bands than [`SphericalHarmonics`] has.
@@ -51,22 +51,30 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
     let mut film = Vec::new();
     for y in 0..params.height {
         for x in 0..params.width {
+            let full = |n: u32, size: u32| (n * params.scale + params.scale / 2).min(size - 1);
+            let (fx, fy) = (full(x, params.full_width), full(y, params.full_height));
+            // The surface of a sub-pixel position.
+            let each = params.surface_samples as usize;
+            let pixel = (fy * params.full_width + fx) as usize;
+            let surface = |s: usize| inputs.surface.map(|surface| surface[pixel * each + s % each]);
+            let limit = |s: usize| surface(s).map_or(f64::INFINITY, |s| s[3].into());
             let mut color = DVec3::ZERO;
             let mut through = DVec3::ZERO;
             let (mut stopped, mut stopped_at) = (0.0, 0.0);
             for s in 0..params.samples as usize {
-                let px = f64::from(x) + f64::from(inputs.tables[2 * s]);
-                let py = f64::from(y) + f64::from(inputs.tables[2 * s + 1]);
-                let a = 2.0 * px / f64::from(params.width) - 1.0;
-                let b = 1.0 - 2.0 * py / f64::from(params.height);
+                let px = f64::from(fx) + f64::from(inputs.tables[2 * s]);
+                let py = f64::from(fy) + f64::from(inputs.tables[2 * s + 1]);
+                let a = 2.0 * px / f64::from(params.full_width) - 1.0;
+                let b = 1.0 - 2.0 * py / f64::from(params.full_height);
                 let d = (xyz(params.forward) + a * xyz(params.right) + b * xyz(params.up)).normalize();
-                let each = params.surface_samples as usize;
-                let pixel = (y * params.width + x) as usize;
-                let surface = inputs.surface.map(|surface| surface[pixel * each + s % each]);
-                let path = Path::walk(params, inputs, &harmonics, d, surface.map_or(f64::INFINITY, |s| s[3].into()));
-                let behind = match (surface, inputs.environment) {
+                let place = jitter(params, inputs.tables, x, y, s);
+                let path = Path::walk(params, inputs, &harmonics, d, limit(s), place);
+                let behind = match (surface(s), inputs.environment) {
+                    _ if params.alone == 1 => DVec3::ZERO,
                     (Some(surface), _) if surface[3].is_finite() => xyz(surface),
-                    (_, Some(texels)) => sky(params, texels, d),
+                    (_, Some(texels)) => {
+                        sky([params.environment_width, params.environment_height], params.environment, texels, d)
+                    }
                     _ => DVec3::ZERO,
                 };
                 color += path.radiance + path.transmittance * behind;
@@ -76,12 +84,24 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
             }
             let samples = f64::from(params.samples);
             let (color, through) = (color / samples, through / samples);
-            film.extend([color.x, color.y, color.z, 1.0 - (through.x + through.y + through.z) / 3.0]);
+            let alpha = 1.0 - (through.x + through.y + through.z) / 3.0;
+            film.extend([color.x, color.y, color.z]);
+            film.push(if params.alone == 1 { limit(0).min(FAR.into()) } else { alpha });
             let depth = if stopped > 0.0 { stopped_at / stopped } else { f64::INFINITY };
             film.extend([through.x, through.y, through.z, depth]);
         }
     }
     film
+}
+
+/// Where the samples of sub-pixel position `s` of a pixel lie within their steps.
+fn jitter(params: &MarchParams, tables: &[f32], x: u32, y: u32, s: usize) -> f64 {
+    if params.jittered == 0 {
+        return 0.5;
+    }
+    let (at, side) = (params.jitter_at as usize, blue_noise::SIDE);
+    let tile = tables[at + params.samples as usize + (y % side * side + x % side) as usize];
+    (f64::from(tile) + f64::from(tables[at + s]) + f64::from(params.jitter_offset)).fract()
 }
 
 /// One view ray.
@@ -99,18 +119,22 @@ impl Path {
         harmonics: &SphericalHarmonics,
         d: DVec3,
         limit: f64,
+        place: f64,
     ) -> Self {
         let density = Samples::new(inputs.density, params.dims);
         let scattering = Tints::new(inputs.scattering, inputs.density, params.dims);
         let emission = Tints::new(inputs.emission_color, inputs.emission.unwrap_or(inputs.density), params.dims);
         let rows = [params.index_x, params.index_y, params.index_z];
-        let steps = Steps::new(xyz(params.eye), apply(rows, d), params.dims, limit, params.step.into());
+        let mut steps = Steps::new(xyz(params.eye), apply(rows, d), params.dims, limit, params.step.into());
+        if params.steps > 0 {
+            steps = steps.in_steps(params.steps.into());
+        }
         let mut path = Self { radiance: DVec3::ZERO, transmittance: DVec3::ONE, stopped: 0.0, stopped_at: 0.0 };
         for k in 0..steps.count {
             if path.transmittance.max_element() < f64::from(params.cut) {
                 break;
             }
-            let (t, at) = steps.middle(k);
+            let (t, at) = steps.within(k, place);
             let extinction = density.trilinear(at) * xyz(params.extinction);
             let light = gathered(params, inputs, harmonics, at, d) + direct(params, inputs, at, t, d);
             let scattering = scattering.trilinear(at) * xyz(params.extinction) * xyz(params.albedo);
@@ -247,23 +271,6 @@ fn cone(light: &LightRecord, toward: DVec3) -> f64 {
     }
 }
 
-/// The environment's radiance from `d`.
-fn sky(params: &MarchParams, texels: &[[f32; 4]], d: DVec3) -> DVec3 {
-    let (width, height) = (i64::from(params.environment_width), i64::from(params.environment_height));
-    let turns = d.x.atan2(-d.z) / (2.0 * PI) + f64::from(params.environment[3]);
-    let x = turns.rem_euclid(1.0) * width as f64 - 0.5;
-    let y = d.y.clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
-    let mut sum = DVec3::ZERO;
-    for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-        let column = (x.floor() as i64 + right).rem_euclid(width);
-        let row = (y.floor() as i64 + below).clamp(0, height - 1);
-        let across = if right == 1 { x - x.floor() } else { 1.0 - (x - x.floor()) };
-        let down = if below == 1 { y - y.floor() } else { 1.0 - (y - y.floor()) };
-        sum += xyz(texels[(row * width + column) as usize]) * (across * down);
-    }
-    sum * xyz(params.environment)
-}
-
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
@@ -286,6 +293,7 @@ mod tests {
         let axes = [forward, right * 0.3, right.cross(forward) * 0.2];
         [params.forward, params.right, params.up] = axes.map(|a| a.as_vec3().extend(0.0).to_array());
         (params.width, params.height, params.samples) = (9, 6, 1);
+        (params.scale, params.full_width, params.full_height) = (1, 9, 6);
         (params.extinction, params.albedo) = ([3.0, 2.0, 1.0, 0.0], [0.9, 0.5, 1.0, 0.0]);
         (params.step, params.cut, params.lights, params.shadow) = (1e-3, 0.0, 1, shadow_kind::MARCH);
         (params.phase_kind, params.phase) = (PhaseParams::HENYEY_GREENSTEIN, [0.5, 0.0, 1.0, 0.0]);

@@ -5,6 +5,7 @@
 //! stage writes in the same layout. They index without checks: what they are given must satisfy the stage's
 //! [`validate`](crate::stage::Kernel::validate).
 
+mod accumulate;
 pub mod brute;
 pub mod closed;
 mod inject;
@@ -17,8 +18,11 @@ mod reduce;
 mod relight;
 mod shade;
 mod shadow;
+mod sky;
 mod trace;
+mod upsample;
 
+pub use accumulate::{AccumulateInputs, accumulate};
 pub use brute::{BruteForce, BruteSettings};
 pub use inject::{InjectInputs, inject};
 pub use march::{MarchInputs, march};
@@ -29,3 +33,4 @@ pub use relight::{RelightInputs, relight};
 pub use shade::{ShadeInputs, shade};
 pub use shadow::{ShadowInputs, shadow};
 pub use trace::{TraceInputs, trace};
+pub use upsample::{UpsampleInputs, upsample};

@@ -7,6 +7,7 @@ mod film;
 mod hierarchy;
 mod mesh;
 mod placement;
+mod quality;
 mod shapes;
 
 use std::sync::Arc;
@@ -23,6 +24,7 @@ pub use film::Film;
 pub use hierarchy::Hierarchy;
 pub use mesh::{Material, Mesh, MeshError, Triangle};
 pub use placement::{Placement, normal_map};
+pub use quality::{Jitter, Quality};
 pub use shapes::Shape;
 
 use crate::light::{Environment, EnvironmentError, Light};
@@ -52,19 +54,6 @@ pub struct Scene {
     pub estimate: Estimate,
     /// How the view ray is marched.
     pub quality: Quality,
-}
-
-/// How the view ray is marched.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quality {
-    /// Length of a step, in units of [`Medium::voxel`]. A ray of length ℓ takes ceil(ℓ / step) equal steps.
-    pub step: f64,
-}
-
-impl Default for Quality {
-    fn default() -> Self {
-        Self { step: 1.0 }
-    }
 }
 
 /// Why a scene cannot be rendered.
@@ -99,15 +88,16 @@ pub enum SceneError {
     #[error("camera origin {0} is too far from the medium for 32-bit floats")]
     Eye(DVec3),
     /// The march.
-    #[error("{0}")]
-    Quality(String),
+    #[error("{what}")]
+    Quality {
+        /// The value of [`Quality`] that is out of range.
+        key: &'static str,
+        /// What is wrong with it, and what would be right.
+        what: String,
+    },
 }
 
 impl Scene {
-    /// The most view steps along the diagonal of the medium's bounds. Kernels count steps in f32, which ends at 2²⁴;
-    /// some bits are left for the place within a step.
-    pub const MAX_STEPS: f64 = (1u32 << 20) as f64;
-
     /// Checks everything that can be checked without a device. Lights and media check themselves when made.
     ///
     /// # Errors
@@ -129,32 +119,8 @@ impl Scene {
         if !lattice.world_to_index().transform_point3(self.camera.origin).as_vec3().is_finite() {
             return Err(SceneError::Eye(self.camera.origin));
         }
-        self.validate_step(self.quality.step)?;
+        self.quality.validate(self.medium.as_ref(), self.camera.samples)?;
         Ok(self.estimate.validate(&self.optics.phase)?)
-    }
-
-    fn validate_step(&self, step: f64) -> Result<(), SceneError> {
-        // Below a thousandth of a voxel a ray through one voxel would take more steps than f32 can tell apart.
-        if !(step.is_finite() && step >= 1e-3) {
-            return Err(SceneError::Quality(format!("step {step} is not a finite number of at least 0.001 voxels")));
-        }
-        let metres = step * self.medium.voxel();
-        if !(metres as f32).is_normal() {
-            let what = format!("step {step:?} makes steps of {metres:e} m, which is out of range for 32-bit floats");
-            return Err(SceneError::Quality(what));
-        }
-        let (min, max) = self.medium.lattice().world_bounds();
-        let steps = (max - min).length() / metres;
-        if steps > Self::MAX_STEPS {
-            // Rounded up, so that it does as it is printed.
-            let least = (step * steps / Self::MAX_STEPS * 1000.0).ceil() / 1000.0;
-            return Err(SceneError::Quality(format!(
-                "step {step} makes up to {steps:.0} steps on a ray through the medium; at most {} are marched, which \
-                 a step of {least:.3} keeps to",
-                Self::MAX_STEPS
-            )));
-        }
-        Ok(())
     }
 }
 
@@ -189,7 +155,7 @@ mod tests {
     #[test]
     fn rays_of_more_steps_than_f32_counts_are_refused_and_the_least_step_is_said() {
         let mut scene = fog(DVec3::new(1e6, 1.0, 2.0));
-        let Err(SceneError::Quality(text)) = scene.validate() else { panic!("64 million steps") };
+        let Err(SceneError::Quality { key: "step", what: text }) = scene.validate() else { panic!("64 million steps") };
         let least = text.rsplit("a step of ").next().and_then(|t| t.split(' ').next()).unwrap();
         scene.quality.step = least.parse().unwrap();
         assert_eq!(scene.validate(), Ok(()));
@@ -198,11 +164,37 @@ mod tests {
     }
 
     #[test]
+    fn qualities_out_of_range_are_refused_and_named() {
+        let refused = |quality: Quality, samples: u32| {
+            let mut scene = fog(DVec3::new(1.0, 2.0, 3.0));
+            (scene.quality, scene.camera.samples) = (quality, samples);
+            match scene.validate() {
+                Err(SceneError::Quality { key, .. }) => Some(key),
+                other => {
+                    assert_eq!(other, Ok(()));
+                    None
+                }
+            }
+        };
+        let of = Quality::default();
+        for steps in [0, Quality::MAX_STEPS + 1, u32::MAX] {
+            assert_eq!(refused(Quality { steps: Some(steps), ..of }, 1), Some("steps"));
+        }
+        assert_eq!(refused(Quality { steps: Some(1), ..of }, 1), None);
+        for scale in [0, 3, 8] {
+            assert_eq!(refused(Quality { scale, ..of }, 1), Some("scale"));
+        }
+        assert_eq!(refused(Quality { scale: 4, temporal: true, ..of }, 1), None);
+        assert_eq!(refused(Quality { scale: 2, ..of }, 2), Some("scale"));
+        assert_eq!(refused(Quality { temporal: true, ..of }, 2), None);
+    }
+
+    #[test]
     fn what_leaves_f32_is_refused() {
         let mut scene = fog(DVec3::new(1.0, 2.0, 3.0));
         assert_eq!(scene.validate(), Ok(()));
         scene.quality.step = 1e300;
-        assert!(matches!(scene.validate(), Err(SceneError::Quality(_))));
+        assert!(matches!(scene.validate(), Err(SceneError::Quality { key: "step", .. })));
         scene.quality.step = 1.0;
         scene.camera.origin.x = 1e39;
         assert_eq!(scene.validate(), Err(SceneError::Eye(scene.camera.origin)));

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace};
+use super::{Accumulate, Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace, Upsample};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -89,5 +89,21 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             out: buf(8),
         }),
         Stage::Shadow(Shadow { params: Zeroable::zeroed(), lights: buf(0), mesh: buf(1), out: buf(2) }),
+        Stage::Upsample(Upsample {
+            params: Zeroable::zeroed(),
+            medium: buf(0),
+            surface: full.then(|| buf(1)),
+            normals: full.then(|| buf(2)),
+            environment: full.then(|| field(3, FieldFormat::Rgba)),
+            subpixels: buf(4),
+            film: buf(5),
+        }),
+        Stage::Accumulate(Accumulate {
+            params: Zeroable::zeroed(),
+            medium: buf(0),
+            last: buf(1),
+            next: buf(2),
+            mean: buf(3),
+        }),
     ]
 }

@@ -1,7 +1,9 @@
 //! `march`: view rays through the medium. The one integrator of every estimator.
 //!
 //! Per pixel and sub-pixel position the ray is clipped to the box and to the surface in front, and takes
-//! n = ceil(length / step) equal steps Δ, sampled at their middles. With σt = ρ · `extinction` and e = exp(-σt Δ),
+//! n = ceil(length / step), or `steps`, equal steps Δ. They are sampled at their middles, or, jittered, all at one place
+//! ξ = fract(tile + offset of the sub-pixel position + `jitter_offset`), the tile repeated over the film. With
+//! σt = ρ · `extinction` and e = exp(-σt Δ),
 //!
 //! L += T ⊙ (1-e) ⊙ (σs ⊙ J + j)/σt (the limit T ⊙ j Δ where σt is zero), T ⊙= e, until max T < `cut`.
 //!
@@ -17,6 +19,10 @@
 //! The film is two vectors a pixel: premultiplied RGB and alpha = 1 - mean T; transmittance RGB and the mean
 //! distance of what the medium stops, infinite where it stops nothing. Both are means over the sub-pixel positions.
 //!
+//! Of the medium `alone` nothing behind it is added, and the surface's distance, at most [`FAR`](crate::stage::FAR), stands in alpha's
+//! place. Such a film may be smaller than the picture, by `scale` along each side: the ray of pixel (x, y) is that of
+//! pixel (min(x·`scale` + `scale`/2, `full_width` - 1), …) of the full picture, whose surface ends it.
+//!
 //! The work axis is the blocks of 8×8 pixels, row by row.
 //!
 //! In passes, the film holds sums until the last one: RGB and the distance's weight, transmittance and the weighted
@@ -25,10 +31,12 @@
 use std::ops::Range;
 
 use crate::basis::SphericalHarmonics;
+use crate::blue_noise;
 use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec, ResourceId};
 use crate::kernel_struct;
 use crate::stage::grid::{is_color, is_scalar, most_steps};
 use crate::stage::trace::holds;
+use crate::stage::upsample::is_sky;
 use crate::stage::{Kernel, MeshRecord, PhaseParams, require, surface_shadow};
 
 kernel_struct! {
@@ -122,6 +130,22 @@ kernel_struct! {
         nodes: U32,
         /// Texels along each side of a face of the lights' maps.
         map_side: U32,
+        /// Steps of every view ray; 0 where `step` bounds their length.
+        steps: U32,
+        /// 1 where samples lie at places of their own within their steps, 0 where they lie in the middle.
+        jittered: U32,
+        /// Where those places begin in `tables`.
+        jitter_at: U32,
+        /// What this picture adds to them.
+        jitter_offset: F32,
+        /// Pixels of the full picture along each side of a pixel of the film.
+        scale: U32,
+        /// Columns of the full picture.
+        full_width: U32,
+        /// Rows of the full picture.
+        full_height: U32,
+        /// 1 for the medium alone, as `upsample` takes it; 0 for the picture.
+        alone: U32,
     }
 }
 
@@ -173,13 +197,14 @@ pub struct March {
     pub occupancy: Option<Buf<[f32; 2]>>,
     /// Lights.
     pub lights: Option<Buf<LightRecord>>,
-    /// Sub-pixel positions (two values each), then constants of spherical harmonics, then the phase function's table.
+    /// Sub-pixel positions (two values each), then constants of spherical harmonics, the phase function's table, and of
+    /// jittered samples the offset of each sub-pixel position and the tile of [`blue_noise`](crate::blue_noise).
     pub tables: Buf<f32>,
     /// Texels of the environment, RGB; unused; row by row, folded into a field ([`fold`](crate::device::fold)). None
     /// where it is not seen.
     pub environment: Option<Field>,
-    /// Radiance of the surface behind each pixel, or each of its sub-pixel positions, RGB, and its distance along the ray
-    /// in metres (infinite for none).
+    /// Radiance of the surface behind each pixel of the full picture, or each of its sub-pixel positions, RGB, and its
+    /// distance along the ray in metres (infinite for none).
     pub surface: Option<Buf<[f32; 4]>>,
     /// Boxes and triangles that shadow lights.
     pub mesh: Option<Buf<MeshRecord>>,
@@ -208,9 +233,10 @@ impl March {
 
     fn turns(&self) -> Turns {
         let p = &self.params;
-        let steps = most_steps(p.dims, [p.index_x, p.index_y, p.index_z], p.step);
+        let longest = most_steps(p.dims, [p.index_x, p.index_y, p.index_z], p.step);
+        let steps = if p.steps > 0 { p.steps.into() } else { longest };
         let layers = if p.cells[3] > 1 { u64::from(p.cells[3]) } else { 0 };
-        let column = if p.shadow == shadow_kind::MARCH { steps } else { 0 };
+        let column = if p.shadow == shadow_kind::MARCH { longest } else { 0 };
         let way = match (p.surface_shadow, self.mesh) {
             (surface_shadow::RAY, Some(mesh)) => MeshRecord::turns(p.nodes.into(), p.nodes, mesh.len),
             (surface_shadow::MAP, _) => 4,
@@ -255,7 +281,9 @@ impl Kernel for March {
     }
 
     fn bindings(&self) -> Vec<Binding> {
-        let row = u64::from(Self::BLOCK) * u64::from(self.params.width);
+        let p = &self.params;
+        let row = u64::from(Self::BLOCK) * u64::from(p.width);
+        let full_row = u64::from(Self::BLOCK) * u64::from(p.scale) * u64::from(p.full_width);
         vec![
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
             Binding::sample("scattering", FieldFormat::Rgba, self.scattering),
@@ -267,7 +295,8 @@ impl Kernel for March {
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
             Binding::sample("environment", FieldFormat::Rgba, self.environment),
-            Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row * u64::from(self.params.surface_samples)),
+            Binding::read("surface", self.surface)
+                .in_parts::<[f32; 4]>(full_row * u64::from(self.params.surface_samples)),
             Binding::read("mesh", self.mesh),
             Binding::read("shadow_map", self.shadow_map),
             Binding::write("paths", self.paths).in_parts::<[f32; 4]>(2 * row),
@@ -299,10 +328,21 @@ impl Kernel for March {
         let pixels = u64::from(p.width) * u64::from(p.height);
         require!(pixels > 0 && u32::try_from(pixels).is_ok(), "a picture of {} × {}", p.width, p.height);
         require!(self.film.len >= 2 * pixels, "a film of {} vectors for {pixels} pixels", self.film.len);
+        let full = u64::from(p.full_width) * u64::from(p.full_height);
+        require!(p.scale > 0 && u32::try_from(full).is_ok(), "a scale of {} and {full} pixels", p.scale);
+        require!(
+            [p.full_width, p.full_height].map(|side| side.div_ceil(p.scale)) == [p.width, p.height],
+            "a film of {} × {} for {} × {} pixels at scale {}",
+            p.width,
+            p.height,
+            p.full_width,
+            p.full_height,
+            p.scale
+        );
         if let Some(surface) = self.surface {
             let each = p.surface_samples;
             require!(each == 1 || each == p.samples, "surfaces of {each} positions for {} samples", p.samples);
-            require!(surface.len >= pixels.saturating_mul(each.into()), "surfaces of fewer than {pixels} pixels");
+            require!(surface.len >= full.saturating_mul(each.into()), "surfaces of fewer than {full} pixels");
         }
         if let Some(occupancy) = self.occupancy {
             let [x, y, z, side] = p.occupancy_cells;
@@ -363,15 +403,14 @@ impl Kernel for March {
             require!(p.phase_size >= 2, "a phase table of {} entries", p.phase_size);
             table = table.max(u64::from(p.phase_at) + u64::from(p.phase_size));
         }
+        if p.jittered == 1 {
+            let tile = u64::from(blue_noise::SIDE).pow(2);
+            table = table.max(u64::from(p.jitter_at) + u64::from(p.samples) + tile);
+            require!((0.0..1.0).contains(&p.jitter_offset), "a jitter offset of {}", p.jitter_offset);
+        }
         require!(self.tables.len >= table, "tables of {} values for {table}", self.tables.len);
         if let Some(environment) = self.environment {
-            let texels = u64::from(p.environment_width) * u64::from(p.environment_height);
-            let spec = environment.spec;
-            let [x, y, z, _] = p.environment_dims;
-            require!(spec.dims == [x, y, z] && spec.layers == 1, "an environment of {spec:?} for {x} × {y} × {z}");
-            require!(spec.format == FieldFormat::Rgba, "an environment of {spec:?}");
-            let range = 1..=spec.texels().min(i32::MAX as u64);
-            require!(range.contains(&texels), "{texels} texels of the environment in {spec:?}");
+            is_sky(&environment, p.environment_dims, [p.environment_width, p.environment_height])?;
         }
         Ok(())
     }
@@ -420,6 +459,7 @@ mod tests {
         (params.index_x, params.index_y) = ([6.0, 8.0, 0.0, 0.0], [-16.0, 12.0, 0.0, 0.0]);
         params.index_z = [0.0, 0.0, 10.0, 0.0];
         (params.width, params.height, params.samples) = (3, 2, samples);
+        (params.scale, params.full_width, params.full_height) = (1, 3, 2);
         (params.sample_end, params.step_end) = (samples, March::ALL_STEPS);
         params.step = 0.031;
         (params.lights, params.shadow) = (2, shadow_kind::MARCH);
@@ -448,6 +488,23 @@ mod tests {
     fn rays_are_as_long_as_the_box_is_across() {
         let longest = (0.8f64.powi(2) + 0.3f64.powi(2) + 1.0).sqrt();
         assert_eq!(march(1).turns().steps, (longest / 0.031).ceil() as u64 + 2);
+    }
+
+    #[test]
+    fn a_fixed_number_of_steps_is_counted_and_columns_are_not() {
+        let mut fixed = march(1);
+        fixed.params.steps = 7;
+        let (by_step, fixed) = (march(1).turns(), fixed.turns());
+        assert_eq!((fixed.steps, fixed.step), (7, by_step.step));
+    }
+
+    #[test]
+    fn a_small_film_has_a_pixel_for_every_block_of_the_full_picture() {
+        let mut small = march(1);
+        (small.params.scale, small.params.full_width, small.params.full_height) = (4, 9, 8);
+        assert_eq!(small.validate(), Ok(()));
+        small.params.full_width = 13;
+        assert!(small.validate().unwrap_err().contains("scale 4"));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! ranges, which do not depend on each other unless the stage is sequential. Each file here says what its stage computes and where that comes from;
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
+mod accumulate;
 mod examples;
 mod grid;
 mod inject;
@@ -15,7 +16,9 @@ mod relight;
 mod shade;
 mod shadow;
 mod trace;
+mod upsample;
 
+pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
 pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
@@ -27,6 +30,7 @@ pub use relight::{Relight, RelightParams};
 pub use shade::{MaterialRecord, Shade, ShadeParams};
 pub use shadow::{Shadow, ShadowParams, surface_shadow};
 pub use trace::{MeshRecord, Trace, TraceParams};
+pub use upsample::{Upsample, UpsampleParams};
 
 use crate::device::{Binding, BindingAccess};
 
@@ -95,6 +99,10 @@ pub enum Stage {
     Shade(Shade),
     /// How far lights reach before they meet surfaces.
     Shadow(Shadow),
+    /// The picture from a film of the medium alone, which may be smaller.
+    Upsample(Upsample),
+    /// The mean of the medium over the pictures of a sequence.
+    Accumulate(Accumulate),
 }
 
 macro_rules! each {
@@ -109,6 +117,8 @@ macro_rules! each {
             Stage::Trace($stage) => $value,
             Stage::Shade($stage) => $value,
             Stage::Shadow($stage) => $value,
+            Stage::Upsample($stage) => $value,
+            Stage::Accumulate($stage) => $value,
         }
     };
 }
@@ -119,7 +129,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 9] = [
+    pub const NAMES: [&'static str; 11] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -129,6 +139,8 @@ impl Stage {
         Trace::NAME,
         Shade::NAME,
         Shadow::NAME,
+        Upsample::NAME,
+        Accumulate::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -179,6 +191,8 @@ impl Stage {
             Self::Trace(stage) => stage.passes(turns)?.into_iter().map(Self::Trace).collect(),
             Self::Shade(stage) => stage.passes(turns)?.into_iter().map(Self::Shade).collect(),
             Self::Shadow(stage) => stage.passes(turns)?.into_iter().map(Self::Shadow).collect(),
+            Self::Upsample(stage) => stage.passes(turns)?.into_iter().map(Self::Upsample).collect(),
+            Self::Accumulate(stage) => stage.passes(turns)?.into_iter().map(Self::Accumulate).collect(),
         })
     }
 

@@ -1,8 +1,8 @@
 //! `[estimate]` and `[quality]`.
 
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Opacity, Quality,
-    Records, Scheme, Shadow, SurfaceShadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
+    Quality, Records, Scheme, Shadow, SurfaceShadow,
 };
 
 use super::error::Fault;
@@ -205,22 +205,14 @@ pub(super) fn quality(root: &Table<'_>) -> Result<Quality, Fault> {
     table.exclusive("step", "steps")?;
     // The least that `Scene::validate` takes.
     quality.step = table.or("step", quality.step, |f| f.number_where("at least 0.001 voxels", |v| v >= 1e-3))?;
-    pending::check(&table, &[("steps", Shape::Whole(1, 1_000_000))])?;
-    table.not_built("steps", "give step, the length of a step in voxels")?;
-    table.or(
-        "jitter",
-        (),
-        |f| {
-            if f.is_none() { Ok(()) } else { f.choice(&[("none", Some(())), ("blue-noise", None)]) }
-        },
-    )?;
-    table.or("scale", (), |f| match f.whole(1..=4)? {
-        1 => Ok(()),
-        2 | 4 => Err(f.pending("available: 1")),
-        _ => Err(f.wrong("it must be 1, 2 or 4")),
+    quality.steps = table.or("steps", None, |f| f.whole(1..=Quality::MAX_STEPS).map(Some))?;
+    let jitters = [("none", Some(Jitter::None)), ("blue-noise", Some(Jitter::BlueNoise))];
+    quality.jitter =
+        table.or("jitter", quality.jitter, |f| if f.is_none() { Ok(Jitter::None) } else { f.choice(&jitters) })?;
+    quality.scale = table.or("scale", quality.scale, |f| match f.whole(1..=4)? {
+        3 => Err(f.wrong("it must be 1, 2 or 4")),
+        scale => Ok(scale),
     })?;
-    if table.or("temporal", false, |f| f.flag())? {
-        return Err(table.get("temporal").map_or_else(|| table.fault(""), |f| f.pending("available: false")));
-    }
+    quality.temporal = table.or("temporal", quality.temporal, |f| f.flag())?;
     Ok(quality)
 }

@@ -193,7 +193,7 @@ fn responsible(error: &SceneError) -> String {
         SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("estimate.environment.{key}"),
         SceneError::Estimate(EstimateError::Conflict(_)) => "estimate.environment.content",
         SceneError::Eye(_) => "camera.origin",
-        SceneError::Quality(_) => "quality.step",
+        SceneError::Quality { key, .. } => return format!("quality.{key}"),
     };
     key.to_owned()
 }

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, LightsEstimate, Opacity, Quality,
-    Records, Scheme, Shadow, SurfaceShadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
+    Quality, Records, Scheme, Shadow, SurfaceShadow,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -163,7 +163,15 @@ fn every_key_that_is_built_arrives() {
         scene.estimate.lights,
         Some(LightsEstimate::Direct(Direct { shadow: Shadow::None, surface_shadow: SurfaceShadow::None }))
     );
-    assert_eq!(scene.quality.step, 0.25);
+    assert_eq!(scene.quality, Quality { step: 0.25, ..Quality::default() });
+}
+
+#[test]
+fn qualities_are_taken() {
+    let quality = |text: &str| scene(&format!("[quality]\n{text}\n")).quality;
+    let all = Quality { steps: Some(32), jitter: Jitter::BlueNoise, scale: 4, temporal: true, ..Quality::default() };
+    assert_eq!(quality("steps = 32\njitter = \"blue-noise\"\nscale = 4\ntemporal = true"), all);
+    assert_eq!(quality("jitter = false\nscale = 2"), Quality { scale: 2, ..Quality::default() });
 }
 
 #[test]

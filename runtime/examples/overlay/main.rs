@@ -50,7 +50,7 @@ fn scene(width: u32, height: u32) -> Result<Scene, Box<dyn std::error::Error>> {
         frame: 0,
         lights: vec![Light::directional(DVec3::new(0.5, 0.8, 0.35), Vec3::new(24.0, 21.6, 18.4))?],
         estimate: Estimate::default(),
-        quality: Quality { step: 1.5 },
+        quality: Quality { step: 1.5, ..Quality::default() },
     })
 }
 

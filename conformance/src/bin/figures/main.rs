@@ -5,6 +5,7 @@
 //! ```
 
 mod lights;
+mod sequences;
 
 use std::error::Error;
 use std::fmt::Write;
@@ -264,6 +265,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     truncation(&mut page, &subject)?;
     lights::columns(&mut page, &subject)?;
     lights::shadows(&mut page, &subject)?;
+    sequences::steps(&mut page, &subject)?;
     match args.output {
         Some(path) => std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?,
         None => print!("{page}"),

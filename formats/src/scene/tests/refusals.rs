@@ -104,18 +104,11 @@ fn what_the_scene_itself_refuses_has_a_line_too() {
 fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (text, expected) in [
         ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
-        (
-            "[quality]\nsteps = 100",
-            "8:9: quality.steps = 100 is not built yet; give step, the length of a step in voxels",
-        ),
-        (
-            "[quality]\njitter = \"blue-noise\"",
-            "8:10: quality.jitter = \"blue-noise\" is not built yet; available: \"none\"",
-        ),
+        ("[quality]\nsteps = 0", "8:9: quality.steps = 0; it must be a whole number from 1 to 1048576"),
+        ("[quality]\nstep = 1\nsteps = 9", "9:9: quality.step and quality.steps exclude each other; give one"),
         ("[quality]\njitter = \"white\"", "8:10: quality.jitter = \"white\"; it must be \"none\" or \"blue-noise\""),
-        ("[quality]\nscale = 2", "8:9: quality.scale = 2 is not built yet; available: 1"),
         ("[quality]\nscale = 3", "8:9: quality.scale = 3; it must be 1, 2 or 4"),
-        ("[quality]\ntemporal = true", "8:12: quality.temporal = true is not built yet; available: false"),
+        ("[quality]\ntemporal = 1", "8:12: quality.temporal = 1; it must be true or false"),
         (
             "[estimate]\nlights = { kind = \"opacity\", cells = 1025 }",
             "8:38: estimate.lights.cells = 1025; it must be a whole number from 1 to 1024",

@@ -1,0 +1,48 @@
+//! The environment as it is seen behind the medium.
+
+use std::f32::consts::PI;
+
+use super::angle::{angle, angle_of_cosine};
+use crate::packet::{F, LANES, lanes, lerp, triple};
+
+/// An environment's texels, and what turns and tints them.
+#[derive(Clone, Copy)]
+pub(crate) struct Sky<'a> {
+    /// Row by row; more may follow.
+    pub(crate) texels: &'a [[f32; 4]],
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Multiplies the radiance, RGB; rotation in turns.
+    pub(crate) tint: [f32; 4],
+}
+
+/// The environment's radiance from `d`.
+#[inline(always)]
+pub(crate) fn sky(of: &Sky<'_>, d: [F; 3]) -> [F; 3] {
+    let u = angle(d[0], -d[2]) / (2.0 * PI) + of.tint[3];
+    let x = (u - u.floor()) * of.width as f32 - 0.5;
+    let y = angle_of_cosine(d[1]) / PI * of.height as f32 - 0.5;
+    let (i, j) = (x.floor(), y.floor());
+    let above = sky_row(of, i, j, x - i);
+    let below = sky_row(of, i, j + 1.0, x - i);
+    triple!(c => lerp(above[c], below[c], y - j) * of.tint[c])
+}
+
+#[inline(always)]
+fn sky_row(of: &Sky<'_>, i: F, j: F, f: F) -> [F; 3] {
+    let (width, last) = (of.width as usize, of.height as usize - 1);
+    // Casting saturates: row -1 is row 0.
+    let start: [usize; LANES] = lanes!(l => (j.0[l] as usize).min(last) * width);
+    // Column -1 is the last one.
+    let column: [usize; LANES] = lanes!(l => (i.0[l] + 1.0) as usize + width - 1);
+    let a: [usize; LANES] = lanes!(l => start[l] + column[l] % width);
+    let b: [usize; LANES] = lanes!(l => start[l] + (column[l] + 1) % width);
+    let (a, b) = (sky_texel(of, a), sky_texel(of, b));
+    triple!(c => lerp(a[c], b[c], f))
+}
+
+/// Texels of the environment, counted row by row. Folded into a field they lie as they are counted.
+#[inline(always)]
+fn sky_texel(of: &Sky<'_>, n: [usize; LANES]) -> [F; 3] {
+    triple!(c => F(lanes!(l => of.texels[n[l]][c])))
+}

@@ -1,0 +1,34 @@
+// The environment as it is seen behind the medium.
+
+float3 sky_row(const Bound *bound, int i, int j, float f);
+float3 sky_texel(const Bound *bound, int n);
+
+// The environment's radiance from `d`.
+float3 sky(const Bound *bound, float3 d) {
+    uint width = bound->params->environment_width;
+    uint height = bound->params->environment_height;
+    float u = angle(d.x, -d.z) / (2.0f * PI) + bound->params->environment.w;
+    float x = (u - floor(u)) * convert_float(width) - 0.5f;
+    float y = angle_of_cosine(d.y) / PI * convert_float(height) - 0.5f;
+    int i = convert_int_sat(floor(x));
+    int j = convert_int_sat(floor(y));
+    float3 above = sky_row(bound, i, j, x - floor(x));
+    float3 below = sky_row(bound, i, j + 1, x - floor(x));
+    return (above + (below - above) * (y - floor(y))) * bound->params->environment.xyz;
+}
+
+float3 sky_row(const Bound *bound, int i, int j, float f) {
+    int width = (int)bound->params->environment_width;
+    int row = clamp(j, 0, (int)bound->params->environment_height - 1) * width;
+    float3 a = sky_texel(bound, row + (i + width) % width);
+    float3 b = sky_texel(bound, row + (i + 1) % width);
+    return a + (b - a) * f;
+}
+
+// Texel `n` of the environment, counted row by row, which are folded into a field.
+float3 sky_texel(const Bound *bound, int n) {
+    int3 size = convert_int3(bound->params->environment_dims.xyz);
+    int row = n / size.x;
+    int3 at = (int3)(n % size.x, row % size.y, row / size.y);
+    return texel_environment(bound, at, size, 0).xyz;
+}

@@ -1,0 +1,179 @@
+// `upsample`: the picture from a film of the medium alone. One work-item a pixel; those of a block of BLOCK x BLOCK pixels
+// are in a row.
+
+// Sums over pixels of the small film.
+typedef struct {
+    float3 radiance;
+    float3 transmittance;
+    // Light stopped, and the same weighed with its distance.
+    float stopped;
+    float stopped_at;
+    float weight;
+} Medium;
+
+Medium around(const Bound *bound, uint x, uint y, float distance);
+uint first(const Bound *bound, uint n);
+uint stands(const Bound *bound, uint n, uint size);
+float part(uint n, uint a, uint b);
+float fit(float a, float b);
+float alike(const Bound *bound, uint x, uint y, uint sx, uint sy);
+void add(const Bound *bound, Medium *sum, uint sx, uint sy, float weight);
+float3 behind(const Bound *bound, uint x, uint y, size_t pixel);
+
+void run_upsample(const Bound *bound) {
+    size_t n = number() / (BLOCK * BLOCK);
+    uint lane = (uint)(number() % (BLOCK * BLOCK));
+    if (n >= bound->launch->count) {
+        return;
+    }
+    uint block = bound->launch->start + (uint)n;
+    uint full_width = bound->params->full_width;
+    uint across = (full_width + BLOCK - 1u) / BLOCK;
+    uint x = block % across * BLOCK + lane % BLOCK;
+    uint y = block / across * BLOCK + lane / BLOCK;
+    if (x >= full_width || y >= bound->params->full_height) {
+        return;
+    }
+    size_t pixel = (size_t)y * full_width + x;
+    float distance = FAR;
+    if (has_surface) {
+        distance = fmin(bound->surface[pixel * bound->params->surface_samples].w, FAR);
+    }
+    Medium found = around(bound, x, y, distance);
+    float3 radiance = found.radiance / found.weight;
+    float3 transmittance = found.transmittance / found.weight;
+    float depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : INFINITY;
+    float3 color = radiance + transmittance * behind(bound, x, y, pixel);
+    float mean = (transmittance.x + transmittance.y + transmittance.z) * (1.0f / 3.0f);
+    bound->film[2u * pixel] = (float4)(color, 1.0f - mean);
+    bound->film[2u * pixel + 1u] = (float4)(transmittance, depth);
+}
+
+// The medium in a pixel whose surface is so far away.
+Medium around(const Bound *bound, uint x, uint y, float distance) {
+    uint width = bound->params->width;
+    uint height = bound->params->height;
+    uint full_width = bound->params->full_width;
+    uint full_height = bound->params->full_height;
+    uint x0 = first(bound, x);
+    uint y0 = first(bound, y);
+    uint x1 = min(x0 + 1u, width - 1u);
+    uint y1 = min(y0 + 1u, height - 1u);
+    float fx = part(x, stands(bound, x0, full_width), stands(bound, x1, full_width));
+    float fy = part(y, stands(bound, y0, full_height), stands(bound, y1, full_height));
+    Medium none;
+    none.radiance = (float3)(0.0f);
+    none.transmittance = (float3)(0.0f);
+    none.stopped = 0.0f;
+    none.stopped_at = 0.0f;
+    none.weight = 0.0f;
+    Medium sum = none;
+    for (uint i = 0u; i < 4u; i++) {
+        bool right = i % 2u == 1u;
+        bool below = i / 2u == 1u;
+        uint sx = right ? x1 : x0;
+        uint sy = below ? y1 : y0;
+        float share = (right ? fx : 1.0f - fx) * (below ? fy : 1.0f - fy);
+        float other = bound->medium[2u * ((size_t)sy * width + sx)].w;
+        add(bound, &sum, sx, sy, share * fit(distance, other) * alike(bound, x, y, sx, sy));
+    }
+    if (sum.weight >= UPSAMPLE_FIT) {
+        return sum;
+    }
+    float least = FAR;
+    uint2 at = (uint2)(x0, y0);
+    for (uint i = 0u; i < 16u; i++) {
+        uint sx = min(max(x0 + i % 4u, 1u) - 1u, width - 1u);
+        uint sy = min(max(y0 + i / 4u, 1u) - 1u, height - 1u);
+        float other = bound->medium[2u * ((size_t)sy * width + sx)].w;
+        float apart = fabs(1.0f / fmax(distance, 1e-6f) - 1.0f / fmax(other, 1e-6f));
+        if (apart < least) {
+            least = apart;
+            at = (uint2)(sx, sy);
+        }
+    }
+    sum = none;
+    add(bound, &sum, at.x, at.y, 1.0f);
+    return sum;
+}
+
+// The pixel of the small film at or before pixel `n` of the full picture, along one side; the first one before it.
+uint first(const Bound *bound, uint n) {
+    uint scale = bound->params->scale;
+    return (max(n, scale / 2u) - scale / 2u) / scale;
+}
+
+// Where pixel `n` of the small film stands among `size` pixels.
+uint stands(const Bound *bound, uint n, uint size) {
+    uint scale = bound->params->scale;
+    return min(n * scale + scale / 2u, size - 1u);
+}
+
+// How far `n` is on its way from `a` to `b`.
+float part(uint n, uint a, uint b) {
+    if (n <= a || b <= a) {
+        return 0.0f;
+    }
+    return convert_float(n - a) / convert_float(b - a);
+}
+
+// How well surfaces of two distances fit.
+float fit(float a, float b) {
+    float nearer = 1.0f - fmin(a, b) / fmax(fmax(a, b), 1e-30f);
+    return clamp(2.0f - nearer / UPSAMPLE_NEAR, 0.0f, 1.0f);
+}
+
+// How well the normals in a pixel and in one of the small film fit.
+float alike(const Bound *bound, uint x, uint y, uint sx, uint sy) {
+    if (!has_normals) {
+        return 1.0f;
+    }
+    size_t width = bound->params->full_width;
+    uint each = bound->params->normals_each;
+    size_t other = stands(bound, sy, bound->params->full_height) * width + stands(bound, sx, (uint)width);
+    float3 here = bound->normals[(y * width + x) * each].xyz;
+    float3 there = bound->normals[other * each].xyz;
+    if (dot(here, here) == 0.0f || dot(there, there) == 0.0f) {
+        return 1.0f;
+    }
+    return clamp((dot(here, there) - UPSAMPLE_COSINE) / (1.0f - UPSAMPLE_COSINE), 0.0f, 1.0f);
+}
+
+// Adds a pixel of the small film.
+void add(const Bound *bound, Medium *sum, uint sx, uint sy, float weight) {
+    size_t at = 2u * ((size_t)sy * bound->params->width + sx);
+    float4 light = bound->medium[at];
+    float4 through = bound->medium[at + 1u];
+    sum->radiance += weight * light.xyz;
+    sum->transmittance += weight * through.xyz;
+    sum->weight += weight;
+    if (through.w < FAR) {
+        float stopped = weight * fmax(1.0f - (through.x + through.y + through.z) * (1.0f / 3.0f), 1e-9f);
+        sum->stopped += stopped;
+        sum->stopped_at += stopped * through.w;
+    }
+}
+
+// The mean radiance behind the medium over the sub-pixel positions of a pixel.
+float3 behind(const Bound *bound, uint x, uint y, size_t pixel) {
+    float3 sum = (float3)(0.0f);
+    uint samples = bound->params->samples;
+    for (uint s = 0u; s < samples; s++) {
+        float4 seen = (float4)(0.0f, 0.0f, 0.0f, FAR);
+        if (has_surface) {
+            uint each = bound->params->surface_samples;
+            seen = bound->surface[pixel * each + s % each];
+        }
+        if (seen.w < FAR) {
+            sum += seen.xyz;
+        } else if (has_environment) {
+            float a =
+                (convert_float(x) + bound->subpixels[2u * s]) * (2.0f / convert_float(bound->params->full_width)) - 1.0f;
+            float b = 1.0f
+                - (convert_float(y) + bound->subpixels[2u * s + 1u]) * (2.0f / convert_float(bound->params->full_height));
+            float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
+            sum += sky(bound, toward / sqrt(dot(toward, toward)));
+        }
+    }
+    return sum * (1.0f / convert_float(samples));
+}

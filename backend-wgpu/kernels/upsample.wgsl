@@ -1,0 +1,154 @@
+// `upsample`: the picture from a film of the medium alone. One workgroup a block of BLOCK×BLOCK pixels.
+
+// Sums over pixels of the small film.
+struct Medium {
+    radiance: vec3<f32>,
+    transmittance: vec3<f32>,
+    // Light stopped, and the same weighed with its distance.
+    stopped: f32,
+    stopped_at: f32,
+    weight: f32,
+}
+
+@compute @workgroup_size(BLOCK, BLOCK)
+fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lane: vec3<u32>) {
+    let n = number(id);
+    if n >= launch.count {
+        return;
+    }
+    let block = launch.start + n;
+    let across = (params.full_width + BLOCK - 1u) / BLOCK;
+    let x = block % across * BLOCK + lane.x;
+    let y = block / across * BLOCK + lane.y;
+    if x >= params.full_width || y >= params.full_height {
+        return;
+    }
+    // The film and the surfaces are bound from a row of blocks on.
+    let pixel = (y - launch.first * BLOCK) * params.full_width + x;
+    var distance = FAR;
+    if has_surface {
+        distance = min(surface[pixel * params.surface_samples].w, FAR);
+    }
+    let found = around(x, y, distance);
+    let radiance = found.radiance / found.weight;
+    let transmittance = found.transmittance / found.weight;
+    var depth = launch.infinity;
+    if found.stopped > 0.0 {
+        depth = found.stopped_at / found.stopped;
+    }
+    let color = radiance + transmittance * behind(x, y, pixel);
+    let mean = (transmittance.x + transmittance.y + transmittance.z) * (1.0 / 3.0);
+    film[2u * pixel] = vec4<f32>(color, 1.0 - mean);
+    film[2u * pixel + 1u] = vec4<f32>(transmittance, depth);
+}
+
+// The medium in a pixel whose surface is so far away.
+fn around(x: u32, y: u32, distance: f32) -> Medium {
+    let x0 = first(x);
+    let y0 = first(y);
+    let x1 = min(x0 + 1u, params.width - 1u);
+    let y1 = min(y0 + 1u, params.height - 1u);
+    let fx = part(x, stands(x0, params.full_width), stands(x1, params.full_width));
+    let fy = part(y, stands(y0, params.full_height), stands(y1, params.full_height));
+    var sum = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0);
+    for (var i = 0u; i < 4u; i++) {
+        let right = i % 2u == 1u;
+        let below = i / 2u == 1u;
+        let sx = select(x0, x1, right);
+        let sy = select(y0, y1, below);
+        let share = select(1.0 - fx, fx, right) * select(1.0 - fy, fy, below);
+        let weight = share * fit(distance, medium[2u * (sy * params.width + sx)].w) * alike(x, y, sx, sy);
+        add(&sum, sx, sy, weight);
+    }
+    if sum.weight >= UPSAMPLE_FIT {
+        return sum;
+    }
+    var least = FAR;
+    var at = vec2<u32>(x0, y0);
+    for (var i = 0u; i < 16u; i++) {
+        let sx = min(max(x0 + i % 4u, 1u) - 1u, params.width - 1u);
+        let sy = min(max(y0 + i / 4u, 1u) - 1u, params.height - 1u);
+        let other = medium[2u * (sy * params.width + sx)].w;
+        let apart = abs(1.0 / max(distance, 1e-6) - 1.0 / max(other, 1e-6));
+        if apart < least {
+            least = apart;
+            at = vec2<u32>(sx, sy);
+        }
+    }
+    sum = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0);
+    add(&sum, at.x, at.y, 1.0);
+    return sum;
+}
+
+// The pixel of the small film at or before pixel `n` of the full picture, along one side; the first one before it.
+fn first(n: u32) -> u32 {
+    return (max(n, params.scale / 2u) - params.scale / 2u) / params.scale;
+}
+
+// Where pixel `n` of the small film stands among `size` pixels.
+fn stands(n: u32, size: u32) -> u32 {
+    return min(n * params.scale + params.scale / 2u, size - 1u);
+}
+
+// How far `n` is on its way from `a` to `b`.
+fn part(n: u32, a: u32, b: u32) -> f32 {
+    if n <= a || b <= a {
+        return 0.0;
+    }
+    return f32(n - a) / f32(b - a);
+}
+
+// How well surfaces of two distances fit.
+fn fit(a: f32, b: f32) -> f32 {
+    let nearer = 1.0 - min(a, b) / max(max(a, b), 1e-30);
+    return clamp(2.0 - nearer / UPSAMPLE_NEAR, 0.0, 1.0);
+}
+
+// How well the normals in a pixel and in one of the small film fit.
+fn alike(x: u32, y: u32, sx: u32, sy: u32) -> f32 {
+    if !has_normals {
+        return 1.0;
+    }
+    let other = stands(sy, params.full_height) * params.full_width + stands(sx, params.full_width);
+    let here = normals[(y * params.full_width + x) * params.normals_each].xyz;
+    let there = normals[other * params.normals_each].xyz;
+    if dot(here, here) == 0.0 || dot(there, there) == 0.0 {
+        return 1.0;
+    }
+    return clamp((dot(here, there) - UPSAMPLE_COSINE) / (1.0 - UPSAMPLE_COSINE), 0.0, 1.0);
+}
+
+// Adds a pixel of the small film.
+fn add(sum: ptr<function, Medium>, sx: u32, sy: u32, weight: f32) {
+    let at = 2u * (sy * params.width + sx);
+    let light = medium[at];
+    let through = medium[at + 1u];
+    (*sum).radiance += weight * light.xyz;
+    (*sum).transmittance += weight * through.xyz;
+    (*sum).weight += weight;
+    if through.w < FAR {
+        let stopped = weight * max(1.0 - (through.x + through.y + through.z) * (1.0 / 3.0), 1e-9);
+        (*sum).stopped += stopped;
+        (*sum).stopped_at += stopped * through.w;
+    }
+}
+
+// The mean radiance behind the medium over the sub-pixel positions of a pixel.
+fn behind(x: u32, y: u32, pixel: u32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var s = 0u; s < params.samples; s++) {
+        var seen = vec4<f32>(0.0, 0.0, 0.0, FAR);
+        if has_surface {
+            seen = surface[pixel * params.surface_samples + s % params.surface_samples];
+        }
+        if seen.w < FAR {
+            sum += seen.xyz;
+        } else if has_environment {
+            let a = (f32(x) + subpixels[2u * s]) * (2.0 / f32(params.full_width)) - 1.0;
+            let b = 1.0 - (f32(y) + subpixels[2u * s + 1u]) * (2.0 / f32(params.full_height));
+            let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
+            sum += sky(toward / length(toward));
+        }
+    }
+    return sum * (1.0 / f32(params.samples));
+}
