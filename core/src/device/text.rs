@@ -365,7 +365,7 @@ mod tests {
             ] {
                 assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
             }
-            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 5);
+            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 6);
             assert!(text.whole.ends_with("first\nlast\n"));
         }
     }
