@@ -108,7 +108,7 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
         ("[quality]\nstep = 1\nsteps = 9", "9:9: quality.step and quality.steps exclude each other; give one"),
         ("[quality]\njitter = \"white\"", "8:10: quality.jitter = \"white\"; it must be \"none\" or \"blue-noise\""),
         ("[quality]\nscale = 3", "8:9: quality.scale = 3; it must be 1, 2 or 4"),
-        ("[quality]\ntemporal = 1", "8:12: quality.temporal = 1; it must be true or false"),
+        ("[quality]\ntemporal = 1", "8:12: quality.temporal must be true or false; it is a whole number, 1"),
         (
             "[estimate]\nlights = { kind = \"opacity\", cells = 1025 }",
             "8:38: estimate.lights.cells = 1025; it must be a whole number from 1 to 1024",
