@@ -43,7 +43,7 @@ pub(super) fn run(
         output::line("# Speed in the papers' tables\n")?;
         let seconds = limit.as_secs_f64();
         output::line(&format!(
-            "By `airlight bench --papers`, version {}: medians of a few frames a second, in at most {seconds} s an entry.\n",
+            "By `airlight bench --papers`, version {}: medians of a few frames, in at most {seconds} s an entry.\n",
             env!("CARGO_PKG_VERSION")
         ))?;
         for info in subjects {
