@@ -19,6 +19,7 @@ float fit(float a, float b);
 float alike(const Bound *bound, uint x, uint y, uint sx, uint sy);
 void add(const Bound *bound, Medium *sum, uint sx, uint sy, float weight);
 float3 behind(const Bound *bound, uint x, uint y, size_t pixel);
+float4 seen(const Bound *bound, size_t pixel, uint s);
 
 void run_upsample(const Bound *bound) {
     size_t n = number() / (BLOCK * BLOCK);
@@ -35,11 +36,7 @@ void run_upsample(const Bound *bound) {
         return;
     }
     size_t pixel = (size_t)y * full_width + x;
-    float distance = FAR;
-    if (has_surface) {
-        distance = fmin(bound->surface[pixel * bound->params->surface_samples].w, FAR);
-    }
-    Medium found = around(bound, x, y, distance);
+    Medium found = around(bound, x, y, fmin(seen(bound, pixel, 0u).w, FAR));
     float3 radiance = found.radiance / found.weight;
     float3 transmittance = found.transmittance / found.weight;
     float depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : INFINITY;
@@ -159,13 +156,9 @@ float3 behind(const Bound *bound, uint x, uint y, size_t pixel) {
     float3 sum = (float3)(0.0f);
     uint samples = bound->params->samples;
     for (uint s = 0u; s < samples; s++) {
-        float4 seen = (float4)(0.0f, 0.0f, 0.0f, FAR);
-        if (has_surface) {
-            uint each = bound->params->surface_samples;
-            seen = bound->surface[pixel * each + s % each];
-        }
-        if (seen.w < FAR) {
-            sum += seen.xyz;
+        float4 before = seen(bound, pixel, s);
+        if (before.w < FAR) {
+            sum += before.xyz;
         } else if (has_environment) {
             float a =
                 (convert_float(x) + bound->subpixels[2u * s]) * (2.0f / convert_float(bound->params->full_width)) - 1.0f;
@@ -176,4 +169,13 @@ float3 behind(const Bound *bound, uint x, uint y, size_t pixel) {
         }
     }
     return sum * (1.0f / convert_float(samples));
+}
+
+// The surface behind a sub-pixel position of a pixel; as far as can be without any.
+float4 seen(const Bound *bound, size_t pixel, uint s) {
+    if (!has_surface) {
+        return (float4)(0.0f, 0.0f, 0.0f, FAR);
+    }
+    uint each = bound->params->surface_samples;
+    return bound->surface[pixel * each + s % each];
 }

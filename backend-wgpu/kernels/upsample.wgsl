@@ -25,11 +25,7 @@ fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) 
     }
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.full_width + x;
-    var distance = FAR;
-    if has_surface {
-        distance = min(surface[pixel * params.surface_samples].w, FAR);
-    }
-    let found = around(x, y, distance);
+    let found = around(x, y, min(seen(pixel, 0u).w, FAR));
     let radiance = found.radiance / found.weight;
     let transmittance = found.transmittance / found.weight;
     var depth = launch.infinity;
@@ -137,12 +133,9 @@ fn add(sum: ptr<function, Medium>, sx: u32, sy: u32, weight: f32) {
 fn behind(x: u32, y: u32, pixel: u32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var s = 0u; s < params.samples; s++) {
-        var seen = vec4<f32>(0.0, 0.0, 0.0, FAR);
-        if has_surface {
-            seen = surface[pixel * params.surface_samples + s % params.surface_samples];
-        }
-        if seen.w < FAR {
-            sum += seen.xyz;
+        let before = seen(pixel, s);
+        if before.w < FAR {
+            sum += before.xyz;
         } else if has_environment {
             let a = (f32(x) + subpixels[2u * s]) * (2.0 / f32(params.full_width)) - 1.0;
             let b = 1.0 - (f32(y) + subpixels[2u * s + 1u]) * (2.0 / f32(params.full_height));
@@ -151,4 +144,12 @@ fn behind(x: u32, y: u32, pixel: u32) -> vec3<f32> {
         }
     }
     return sum * (1.0 / f32(params.samples));
+}
+
+// The surface behind a sub-pixel position of a pixel; as far as can be without any.
+fn seen(pixel: u32, s: u32) -> vec4<f32> {
+    if !has_surface {
+        return vec4<f32>(0.0, 0.0, 0.0, FAR);
+    }
+    return surface[pixel * params.surface_samples + s % params.surface_samples];
 }

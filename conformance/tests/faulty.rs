@@ -41,6 +41,9 @@ fn proof(choice: &str) -> Vec<Trial> {
     const PICTURES: &str = "closed::thin_uniform_radiance";
     const SHADOWS: &str = "closed::directional";
     const GAUSSIANS: &str = "pictures::gaussians_point";
+    const FLOOR: &str = "surfaces::floor_under_a_lamp_in_fog";
+    const PLATE: &str = "surfaces::shadow_of_a_plate";
+    const SEQUENCES: &str = "sequence::as_the_processor";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -58,6 +61,9 @@ fn proof(choice: &str) -> Vec<Trial> {
         let pictures = match stage {
             "propagate" => SHADOWS,
             "inject" => GAUSSIANS,
+            "trace" | "shade" => FLOOR,
+            "shadow" => PLATE,
+            "accumulate" | "upsample" => SEQUENCES,
             _ => PICTURES,
         };
         for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {
@@ -72,7 +78,8 @@ fn proof(choice: &str) -> Vec<Trial> {
     }
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        for case in group("stage::").into_iter().chain(group(PICTURES)).chain(group(SHADOWS)) {
+        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, PLATE, SEQUENCES];
+        for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }
         Ok(())

@@ -203,10 +203,10 @@ fn behind(inputs: &Inputs<'_>, x: [usize; LANES], y: [usize; LANES]) -> [F; 3] {
     triple!(c => sum[c] * (1.0 / p.samples as f32))
 }
 
-/// The surface behind a sub-pixel position of a pixel; infinitely far without any.
+/// The surface behind a sub-pixel position of a pixel; as far as can be without any.
 fn seen(inputs: &Inputs<'_>, x: usize, y: usize, s: usize) -> [f32; 4] {
     if inputs.surface.is_empty() {
-        return [0.0, 0.0, 0.0, f32::INFINITY];
+        return [0.0, 0.0, 0.0, FAR];
     }
     let each = inputs.p.surface_samples as usize;
     inputs.surface[(y * inputs.p.full_width as usize + x) * each + s % each]
