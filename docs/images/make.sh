@@ -9,6 +9,9 @@ out=docs/images
 "$airlight" render scenes/cumulus.toml -o $out/cumulus.png
 "$airlight" render scenes/head.toml -o $out/head.png
 "$airlight" render scenes/box.toml -o $out/box.png
+"$airlight" render scenes/colonnade.toml --size 720x480 --samples 4 -o $out/colonnade.png
+"$airlight" render scenes/fog-room.toml --samples 4 -o $out/fog-room.png
+"$airlight" render scenes/ember.toml -o $out/ember.png
 
 # Figure 3 of Delalandre, Gautron and Marvie (2013): one cloud under a full sky, and under nine coefficients of it.
 work=$(mktemp -d)
