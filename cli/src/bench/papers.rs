@@ -77,7 +77,7 @@ fn measure(table: &Table, info: &DeviceInfo, limit: Duration) -> Vec<Entry> {
     let mut entries = Vec::new();
     let tell = |entry| {
         entries.push(entry);
-        meter.show(&format!("{} {id}", table.name), entries.len() as f32 / count as f32);
+        meter.show(format!("{} {id}", table.name), entries.len() as f32 / count as f32);
     };
     papers::measure(table, || Ok(airlight::open(&id)?), limit, tell);
     entries

@@ -4,10 +4,13 @@ use std::fmt;
 
 use crate::Version;
 
+/// Fills slice k of a field, x fastest.
+type Write<'a> = dyn Fn(u32, &mut [f32]) + 'a;
+
 /// A field on the lattice of a medium's density, written slice by slice.
 pub struct OpticsField<'a> {
     version: Version,
-    write: Box<dyn Fn(u32, &mut [f32]) + 'a>,
+    write: Box<Write<'a>>,
 }
 
 impl<'a> OpticsField<'a> {
