@@ -27,7 +27,7 @@ pub(super) fn steps(page: &mut String, subject: &Subject) -> Result<(), Box<dyn 
     let everywhere = |film: &Film, truth: &Film| percent(sequences::error(film, truth, |_| true));
     for steps in [32, 128] {
         let film = film(&sequences::in_steps(&scene, steps, Jitter::None, false))?;
-        let flip = number(sequences::mean_flip(&film, &truth));
+        let flip = format!("{:.5}", sequences::mean_flip(&film, &truth));
         writeln!(page, "| {steps} | unjittered | {} | {flip} | |", everywhere(&film, &truth))?;
     }
     let after = [1, 4, 16, 64, 256];
@@ -35,7 +35,8 @@ pub(super) fn steps(page: &mut String, subject: &Subject) -> Result<(), Box<dyn 
     let mut renderer = subject.renderer().map_err(told)?;
     let films = sequences::sequence(&mut renderer, &jittered, &after).map_err(told)?;
     for (film, pictures) in films.iter().zip(after) {
-        let (error, flip) = (everywhere(film, &truth), number(sequences::mean_flip(film, &truth)));
+        let error = everywhere(film, &truth);
+        let flip = format!("{:.5}", sequences::mean_flip(film, &truth));
         let settled = everywhere(film, &films[films.len() - 1]);
         writeln!(page, "| 32 | {pictures} | {error} | {flip} | {settled} |")?;
     }
