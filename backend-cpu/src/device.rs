@@ -178,6 +178,9 @@ impl Device for CpuDevice {
             Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),
             Stage::Upsample(stage) => kernels::upsample::run(stage, part, &mut memory, isa),
             Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory),
+            Stage::Coarsen(stage) => kernels::coarsen::run(stage, part, &mut memory),
+            Stage::Illuminate(stage) => kernels::illuminate::run(stage, part, &mut memory, isa),
+            Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

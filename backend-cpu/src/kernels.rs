@@ -3,9 +3,11 @@
 
 pub(crate) mod accumulate;
 pub(crate) mod angle;
+pub(crate) mod coarsen;
 pub(crate) mod face;
 pub(crate) mod field;
 pub(crate) mod harmonics;
+pub(crate) mod illuminate;
 pub(crate) mod inject;
 pub(crate) mod light;
 pub(crate) mod march;
@@ -22,6 +24,7 @@ pub(crate) mod segment;
 pub(crate) mod shade;
 pub(crate) mod shadow;
 pub(crate) mod sky;
+pub(crate) mod sweep;
 pub(crate) mod trace;
 pub(crate) mod upsample;
 pub(crate) mod view;

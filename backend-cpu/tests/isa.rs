@@ -7,7 +7,7 @@ use airlight_core::exec::Renderer;
 use airlight_core::glam::{DAffine3, DVec3, UVec3, Vec3};
 use airlight_core::light::{Environment, Image, Light};
 use airlight_core::media::{Grid, GridMedium, Optics, Phase};
-use airlight_core::scene::{Camera, Content, EnvironmentEstimate, Estimate, Quality, Records, Scene};
+use airlight_core::scene::{Camera, Content, EnvironmentEstimate, Estimate, Quality, Records, Scene, Solver};
 use airlight_cpu::{CpuDevice, Isa};
 
 /// Every stage and every branch of the kernels that computes: records of several layers with emission, three kinds
@@ -51,8 +51,13 @@ fn scene(content: Content, phase: Phase) -> Scene {
             Light::spot(DVec3::new(0.9, 0.8, -0.9), DVec3::ZERO, Vec3::ONE, 15.0, 30.0).unwrap(),
         ],
         estimate: Estimate {
-            environment: Some(EnvironmentEstimate::Records(Records { cells: 11, content, ..Records::default() })),
-            ..Estimate::default()
+            environment: Some(EnvironmentEstimate::Records(Records {
+                cells: 11,
+                content,
+                solver: Solver::March,
+                ..Records::default()
+            })),
+            ..Estimate::single()
         },
         quality: Quality { step: 0.7, ..Quality::default() },
     }

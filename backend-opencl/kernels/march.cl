@@ -26,6 +26,7 @@ void walk(const Bound *bound, Path *path);
 uint4 blocks(const Bound *bound);
 float3 gathered(const Bound *bound, float3 at, const float *basis);
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
+float3 scattered_light(const Bound *bound, float3 at, const float *basis);
 float3 direct(const Bound *bound, float3 at, float3 direction, float t);
 float visibility(const Bound *bound, uint i, const Incident *light, float3 d, float t);
 float mapped(const Bound *bound, const LightRecord *record, const Incident *light, float3 at);
@@ -184,7 +185,7 @@ void walk(const Bound *bound, Path *path) {
     const Ray ray = path->ray;
     // Y_k of the direction, where the in-scatter has layers.
     float basis[HARMONICS_MAX];
-    if (bound->params->cells.w > 1u) {
+    if (max(bound->params->cells.w, bound->params->scattered_cells.w) > 1u) {
         harmonics(bound, direction, bound->params->bands, basis);
     }
     float3 albedo = bound->params->albedo.xyz;
@@ -212,7 +213,7 @@ void walk(const Bound *bound, Path *path) {
         float3 extinction = here.extinction;
         float3 light = (float3)(0.0f);
         if (scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f) {
-            light = gathered(bound, at, basis) + direct(bound, at, direction, t);
+            light = gathered(bound, at, basis) + scattered_light(bound, at, basis) + direct(bound, at, direction, t);
         }
         // Grey extinction takes one exponential.
         float2 red = segment(extinction.x * ray.step);
@@ -260,6 +261,24 @@ float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
         return sample_in_scatter(bound, place, size, (int)layer).xyz;
     }
     return nearest_in_scatter(bound, place, size, (int)layer).xyz;
+}
+
+// J of light that was scattered before.
+float3 scattered_light(const Bound *bound, float3 at, const float *basis) {
+    if (!has_scattered) {
+        return (float3)(0.0f);
+    }
+    int3 size = convert_int3(bound->params->scattered_cells.xyz);
+    float3 place = (at + 0.5f) * bound->params->scattered_cells_per_voxel.xyz - 0.5f;
+    uint layers = bound->params->scattered_cells.w;
+    if (layers == 1u) {
+        return sample_scattered(bound, place, size, 0).xyz;
+    }
+    float3 sum = (float3)(0.0f);
+    for (uint k = 0u; k < layers; k++) {
+        sum += basis[k] * sample_scattered(bound, place, size, (int)k).xyz;
+    }
+    return sum;
 }
 
 // J from each light.

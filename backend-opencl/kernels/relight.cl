@@ -26,11 +26,17 @@ void run_relight(const Bound *bound) {
 
 // Coefficient `k` of a cell's record; a record of one channel serves all three.
 float3 record(const Bound *bound, uint cell, uint k) {
-    size_t at = (size_t)cell * bound->params->coefficients + k;
-    if (bound->params->channels == 1u) {
-        return (float3)(bound->records[at]);
+    uint channels = bound->params->channels;
+    size_t first = ((size_t)cell * bound->params->coefficients + k) * channels;
+    size_t pitch = 1u;
+    if (bound->params->planar == 1u) {
+        pitch = bound->params->cells;
+        first = (size_t)k * channels * pitch + cell;
     }
-    return vload3(at, bound->records);
+    if (channels == 1u) {
+        return (float3)(bound->records[first]);
+    }
+    return (float3)(bound->records[first], bound->records[first + pitch], bound->records[first + 2u * pitch]);
 }
 
 // Coefficient `k` of the emission's moments.

@@ -83,6 +83,9 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Shadow(_) => (file!("shadow.cl"), 1),
         Stage::Upsample(_) => (file!("upsample.cl"), March::BLOCK * March::BLOCK),
         Stage::Accumulate(_) => (file!("accumulate.cl"), March::BLOCK * March::BLOCK),
+        Stage::Coarsen(_) => (file!("coarsen.cl"), 1),
+        Stage::Illuminate(_) => (file!("illuminate.cl"), 1),
+        Stage::Sweep(_) => (file!("sweep.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

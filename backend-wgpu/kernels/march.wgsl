@@ -153,7 +153,7 @@ fn walk(path: ptr<function, Path>) {
     let ray = (*path).ray;
     // Y_k of the direction, where the in-scatter has layers.
     var basis: array<f32, HARMONICS_MAX>;
-    if params.cells.w > 1u {
+    if max(params.cells.w, params.scattered_cells.w) > 1u {
         harmonics(direction, params.bands, &basis);
     }
     let scatters = params.albedo.x + params.albedo.y + params.albedo.z > 0.0;
@@ -177,7 +177,7 @@ fn walk(path: ptr<function, Path>) {
         let here = optics(at, size);
         var light = vec3<f32>(0.0);
         if scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0 {
-            light = gathered(at, &basis) + direct(at, direction, t);
+            light = gathered(at, &basis) + scattered_light(at, &basis) + direct(at, direction, t);
         }
         var share = 0.0;
         for (var c = 0u; c < 3u; c++) {
@@ -224,6 +224,23 @@ fn in_scatter_at(place: vec3<f32>, layer: u32) -> vec3<f32> {
         return sample_in_scatter(place, size, i32(layer)).xyz;
     }
     return nearest_in_scatter(place, size, i32(layer)).xyz;
+}
+
+// J of light that was scattered before.
+fn scattered_light(at: vec3<f32>, basis: ptr<function, array<f32, HARMONICS_MAX>>) -> vec3<f32> {
+    if !has_scattered {
+        return vec3<f32>(0.0);
+    }
+    let size = vec3<i32>(params.scattered_cells.xyz);
+    let place = (at + 0.5) * params.scattered_cells_per_voxel.xyz - 0.5;
+    if params.scattered_cells.w == 1u {
+        return sample_scattered(place, size, 0).xyz;
+    }
+    var sum = vec3<f32>(0.0);
+    for (var k = 0u; k < params.scattered_cells.w; k++) {
+        sum += (*basis)[k] * sample_scattered(place, size, i32(k)).xyz;
+    }
+    return sum;
 }
 
 // J from each light.

@@ -23,11 +23,17 @@ fn relight(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
 
 // Coefficient `k` of a cell's record; a record of one channel serves all three.
 fn record(cell: u32, k: u32) -> vec3<f32> {
-    let at = (cell * params.coefficients + k) * params.channels;
-    if params.channels == 1u {
-        return vec3<f32>(records[at]);
+    var first = (cell * params.coefficients + k) * params.channels;
+    var pitch = 1u;
+    if params.planar == 1u {
+        // Bound whole, while the output may be bound from a cell on.
+        first = k * params.channels * params.cells + cell + launch.first;
+        pitch = params.cells;
     }
-    return vec3<f32>(records[at], records[at + 1u], records[at + 2u]);
+    if params.channels == 1u {
+        return vec3<f32>(records[first]);
+    }
+    return vec3<f32>(records[first], records[first + pitch], records[first + 2u * pitch]);
 }
 
 // Coefficient `k` of the emission's moments.

@@ -67,10 +67,10 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
 pub(crate) fn required_limits() -> wgpu::Limits {
     wgpu::Limits {
         max_bind_groups: 3,
-        max_bindings_per_bind_group: 10 * MAX_SLABS,
+        max_bindings_per_bind_group: 11 * MAX_SLABS,
         max_uniform_buffers_per_shader_stage: 2,
         max_storage_buffers_per_shader_stage: 8,
-        max_sampled_textures_per_shader_stage: 7,
+        max_sampled_textures_per_shader_stage: 8,
         max_storage_textures_per_shader_stage: 2,
         max_compute_invocations_per_workgroup: 64,
         max_compute_workgroup_size_x: 64,

@@ -96,6 +96,9 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Shadow(_) => (file!("shadow.wgsl"), 64),
         Stage::Upsample(_) => (file!("upsample.wgsl"), 1),
         Stage::Accumulate(_) => (file!("accumulate.wgsl"), 1),
+        Stage::Coarsen(_) => (file!("coarsen.wgsl"), 64),
+        Stage::Illuminate(_) => (file!("illuminate.wgsl"), 64),
+        Stage::Sweep(_) => (file!("sweep.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -8,7 +8,9 @@ use airlight::exec::{RenderError, Rendered};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Image, Light};
 use airlight::media::{Medium, Optics};
-use airlight::scene::{Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Quality, Records, Scene};
+use airlight::scene::{
+    Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Quality, Records, Scene, Solver,
+};
 
 use crate::{View, medium};
 
@@ -102,8 +104,14 @@ pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
             // The paper's form for light that changes: another light needs no other records.
             environment: records.then(|| {
                 let content = Content::Transmittance;
-                EnvironmentEstimate::Records(Records { cells: 36, content, ..Records::default() })
+                EnvironmentEstimate::Records(Records {
+                    cells: 36,
+                    content,
+                    solver: Solver::March,
+                    ..Records::default()
+                })
             }),
+            scattering: None,
             lights: Some(LightsEstimate::Direct(Direct::default())),
         },
         quality: Quality::default(),

@@ -9,7 +9,7 @@ use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
 use airlight::scene::{
     Background, Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Opacity, Quality, Records, Scene,
-    Shadow,
+    Shadow, Solver,
 };
 use libtest_mimic::Failed;
 
@@ -121,7 +121,7 @@ fn fog(optics: Optics) -> Scene {
         surfaces: None,
         frame: 0,
         lights: Vec::new(),
-        estimate: Estimate::default(),
+        estimate: Estimate::single(),
         quality: Quality::default(),
     }
 }
@@ -328,7 +328,7 @@ fn thin(subject: &Subject, record: &mut Record, phase: Phase, content: Content) 
     let mut sky = Environment::uniform(Vec3::from(light))?;
     sky.visible = false;
     scene.environment = Some(sky);
-    let records = Records { cells: 5, bands: 4, directions: 192, content, ..Records::default() };
+    let records = Records { cells: 5, bands: 4, directions: 192, content, solver: Solver::March, ..Records::default() };
     scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
     let film = subject.renderer()?.render(&scene)?.film;
     let expected = ways(&scene, DMat3::IDENTITY).into_iter().map(|(_, _, way)| {

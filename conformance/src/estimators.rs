@@ -9,7 +9,7 @@ use airlight::media::Phase;
 use airlight::reference::{BruteForce, BruteSettings};
 use airlight::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Opacity, Records, Scene,
-    Shadow,
+    Shadow, Solver,
 };
 use libtest_mimic::Failed;
 
@@ -174,7 +174,7 @@ fn lit(map: Map, phase: Phase) -> Scene {
 }
 
 fn options(cells: u32, bands: u32, directions: u32, content: Content) -> Records {
-    Records { cells, bands, directions, content, ..Records::default() }
+    Records { cells, bands, directions, content, solver: Solver::March, ..Records::default() }
 }
 
 /// The colours of every fifth pixel.

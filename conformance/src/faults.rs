@@ -17,7 +17,7 @@ use airlight::exec::{ExecError, Hooks, RenderError};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Phase};
-use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene, SurfaceShadow};
+use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene, Solver, SurfaceShadow};
 use airlight::stage::{Relight, RelightParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
@@ -97,7 +97,7 @@ pub(crate) fn cases() -> Vec<Case> {
 fn scene() -> Scene {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.environment = Some(sky());
-    let records = Records { cells: 5, bands: 2, directions: 48, ..Records::default() };
+    let records = Records { cells: 5, bands: 2, directions: 48, solver: Solver::March, ..Records::default() };
     scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
     let blob = |x, y, z| Gaussian { center: DVec3::new(x, y, z), a: 4.0, c: 1.5 };
     let blobs = vec![blob(0.1, 0.0, 0.2), blob(-0.2, 0.1, 0.0), blob(0.2, -0.2, 0.3)];

@@ -159,7 +159,7 @@ pub(crate) fn cloud(map: Map, dims: UVec3, optics: Optics) -> Scene {
         surfaces: None,
         frame: 0,
         lights: Vec::new(),
-        estimate: Estimate::default(),
+        estimate: Estimate::single(),
         quality: Quality::default(),
     }
 }

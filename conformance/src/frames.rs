@@ -10,7 +10,7 @@ use airlight::light::Light;
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Records, Scene, Shadow,
-    SurfaceShadow,
+    Solver, SurfaceShadow,
 };
 use libtest_mimic::Failed;
 
@@ -183,7 +183,7 @@ fn scenes() -> Axis<Scene> {
 }
 
 fn records(content: Content, bands: u32) -> Records {
-    Records { cells: 9, bands, directions: 108, content, ..Records::default() }
+    Records { cells: 9, bands, directions: 108, content, solver: Solver::March, ..Records::default() }
 }
 
 /// A cloud under a sky, with an emission density of its own where it glows.

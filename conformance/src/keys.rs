@@ -6,7 +6,7 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Grid, GridMedium, Medium, Phase};
 use airlight::scene::{
-    Content, Direct, EnvironmentEstimate, Jitter, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow,
+    Content, Direct, EnvironmentEstimate, Jitter, LightsEstimate, Opacity, Records, Scene, Scheme, Shadow, Solver,
     SurfaceShadow,
 };
 use libtest_mimic::Failed;
@@ -94,7 +94,7 @@ fn caches() -> Axis<Cache> {
 fn scene(content: Content) -> Scene {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.environment = Some(sky());
-    let records = Records { cells: 4, bands: 2, directions: 48, content, ..Records::default() };
+    let records = Records { cells: 4, bands: 2, directions: 48, content, solver: Solver::March, ..Records::default() };
     scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
     scene
 }

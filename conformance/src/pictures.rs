@@ -12,7 +12,7 @@ use airlight::light::{Environment, Light};
 use airlight::media::{Gaussian, Gaussians, GridMedium, Lattice, Optics, Phase};
 use airlight::scene::{
     Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Film, Interpolation, LightsEstimate, Opacity,
-    Quality, Records, Scene, Shadow,
+    Quality, Records, Scene, Shadow, Solver,
 };
 use airlight_formats::{FormatError, volume};
 use libtest_mimic::Failed;
@@ -87,7 +87,7 @@ pub fn scene() -> Result<Scene, Failed> {
         surfaces: None,
         frame: 0,
         lights: Vec::new(),
-        estimate: Estimate::default(),
+        estimate: Estimate::single(),
         quality: Quality { step: 0.5, ..Quality::default() },
     })
 }
@@ -112,6 +112,7 @@ pub fn records(content: Content, bands: u32, directions: u32) -> Records {
         content,
         interpolation: Interpolation::Trilinear,
         elimination: Elimination::Exact,
+        solver: Solver::March,
     }
 }
 

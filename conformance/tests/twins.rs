@@ -22,6 +22,8 @@ const MEMORY: &str =
     "finds the stage's memory and spreads the range over cores; generated, or done by the driver, elsewhere";
 const CHECKED: &str = "checks a slice once, so that lookups need not";
 const LANES: &str = "carries between memory and the lanes of packets";
+const PLANE: &str =
+    "a direction keeps its last two planes in the cache, with a border, so that packets load without asking";
 const SLICE: &str = "a slice is handed to the helper instead";
 
 const CPU: Backend = Backend {
@@ -43,6 +45,16 @@ const CPU: Backend = Backend {
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
         ("upsample", "run", MEMORY),
         ("accumulate", "run", MEMORY),
+        ("coarsen", "run", MEMORY),
+        ("illuminate", "run", MEMORY),
+        ("sweep", "run", MEMORY),
+        ("sweep", "gathered", MEMORY),
+        ("sweep", "new", PLANE),
+        ("sweep", "row", PLANE),
+        ("sweep", "load", PLANE),
+        ("sweep", "copy", PLANE),
+        ("sweep", "border", PLANE),
+        ("sweep", "mix", PLANE),
         ("march", "load", LANES),
         ("march", "store", LANES),
         ("march", "block", LANES),
@@ -70,6 +82,8 @@ const CPU: Backend = Backend {
         ("march", "harmonics_value", SLICE),
         ("march", "blocks", "an Option says whether there are any"),
         ("shade", "blocks", "an Option says whether there are any"),
+        ("illuminate", "harmonics_value", SLICE),
+        ("illuminate", "blocks", "an Option says whether there are any"),
         ("project", "phase_value", SLICE),
         ("project", "phase_size", SLICE),
     ],

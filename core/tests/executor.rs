@@ -153,8 +153,8 @@ fn add_one(light: Buf<[f32; 4]>, out: Buf<[f32; 4]>, records: Buf<f32>) -> Stage
         layers: 1,
         emission_coefficients: 0,
         emission_weight: 0.0,
-        unused_0: 0,
-        unused_1: 0,
+        planar: 0,
+        unused: 0,
     };
     Stage::Relight(Relight { params, records, emission_records: None, light, out })
 }

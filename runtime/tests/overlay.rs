@@ -56,7 +56,7 @@ fn scene() -> Scene {
         surfaces: None,
         frame: 0,
         lights: vec![Light::directional(DVec3::new(0.5, 0.8, 0.35), Vec3::splat(3.0)).unwrap()],
-        estimate: Estimate::default(),
+        estimate: Estimate::single(),
         quality: Quality::default(),
     }
 }

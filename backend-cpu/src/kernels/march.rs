@@ -33,6 +33,7 @@ struct Inputs<'a> {
     emission_color: Option<Colors<'a>>,
     occupancy: Option<Occupancy<'a>>,
     in_scatter: Option<Colors<'a>>,
+    scattered: Option<Colors<'a>>,
     light_depth: Option<Colors<'a>>,
     lights: &'a [LightRecord],
     phase: Phase<'a>,
@@ -79,6 +80,10 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         },
         in_scatter: match stage.in_scatter {
             Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.cells)),
+            None => None,
+        },
+        scattered: match stage.scattered {
+            Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.scattered_cells)),
             None => None,
         },
         light_depth: match stage.light_depth {
@@ -300,7 +305,7 @@ impl Path {
         let index = to_index(rows(p), d);
         let origin = triple!(a => F::splat(p.eye[a]));
         let mut basis = [F::ZERO; harmonics::MAX];
-        if p.cells[3] > 1 {
+        if p.cells[3].max(p.scattered_cells[3]) > 1 {
             harmonics(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut basis);
         }
         let mut ray = Ray::through(origin, index, inputs.density.size(), limit, p.step);
@@ -357,6 +362,7 @@ impl Path {
             let mut light = [F::ZERO; 3];
             if scatters && dense.any() {
                 gathered(inputs, at, &self.basis, dense, &mut light);
+                scattered_light(inputs, at, &self.basis, dense, &mut light);
                 direct(inputs, at, self.direction, t, dense, &mut light);
             }
             let delta = self.ray.step;
@@ -410,6 +416,27 @@ fn gathered(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense:
 #[inline(always)]
 fn in_scatter_at<'a>(p: &MarchParams, field: Colors<'a>, place: [f32; 3]) -> Place<'a> {
     if p.trilinear == 1 { field.sample(place) } else { field.nearest(place) }
+}
+
+/// J of light that was scattered before, added to `light`.
+#[inline(always)]
+fn scattered_light(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense: M, light: &mut [F; 3]) {
+    let p = inputs.p;
+    let Some(field) = inputs.scattered else { return };
+    let place = triple!(a => (at[a] + 0.5) * p.scattered_cells_per_voxel[a] - 0.5);
+    let layers = p.scattered_cells[3] as usize;
+    for i in 0..LANES {
+        if !dense.lane(i) {
+            continue;
+        }
+        let place = field.sample(triple!(a => place[a].0[i]));
+        for k in 0..layers {
+            let (j, weight) = (place.layer(k), if layers == 1 { 1.0 } else { basis[k].0[i] });
+            for c in 0..3 {
+                light[c].0[i] += weight * j[c];
+            }
+        }
+    }
 }
 
 /// J from each light, added to `light`.

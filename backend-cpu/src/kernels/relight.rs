@@ -63,11 +63,14 @@ fn relight(inputs: Inputs<'_>, cell: usize, out: &mut [[f32; 4]]) {
 
 /// Coefficient `k` of a cell's record; a record of one channel serves all three.
 fn record(inputs: Inputs<'_>, cell: usize, k: usize) -> [f32; 3] {
-    let at = cell * inputs.p.coefficients as usize + k;
-    if inputs.p.channels == 1 {
-        return [inputs.records[at]; 3];
-    }
-    [0, 1, 2].map(|c| inputs.records[3 * at + c])
+    let channels = inputs.p.channels as usize;
+    let (first, pitch) = if inputs.p.planar == 1 {
+        let cells = inputs.p.cells as usize;
+        (k * channels * cells + cell, cells)
+    } else {
+        ((cell * inputs.p.coefficients as usize + k) * channels, 1)
+    };
+    [0, 1, 2].map(|c| inputs.records[first + c.min(channels - 1) * pitch])
 }
 
 /// Coefficient `k` of the emission's moments.

@@ -38,7 +38,7 @@ fn scene() -> Scene {
         surfaces: None,
         frame: 0,
         lights: vec![light],
-        estimate: Estimate::default(),
+        estimate: Estimate::single(),
         quality: Quality::default(),
     }
 }

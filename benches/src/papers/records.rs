@@ -5,7 +5,9 @@ use std::sync::Arc;
 use airlight::Version;
 use airlight::glam::{DVec3, UVec3};
 use airlight::media::{Lattice, Medium, Optics};
-use airlight::scene::{Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Records, Scene};
+use airlight::scene::{
+    Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Records, Scene, Solver,
+};
 
 use super::{Form, Frames, Row, Table};
 use crate::{Frame, fill_slice, scene_of};
@@ -84,7 +86,14 @@ fn frames(volume: Arc<Volume>, cells: u32, dynamic: Dynamic, form: Form) -> Fram
         Form::Ours => (Interpolation::Trilinear, Elimination::Exact),
         Form::Published => (Interpolation::Nearest, Elimination::Probes(3)),
     };
-    let records = Records { cells, content: Content::Transmittance, interpolation, elimination, ..Records::default() };
+    let records = Records {
+        cells,
+        content: Content::Transmittance,
+        interpolation,
+        elimination,
+        solver: Solver::March,
+        ..Records::default()
+    };
     let scene = Scene {
         camera: Camera {
             origin: EYE,
@@ -96,7 +105,7 @@ fn frames(volume: Arc<Volume>, cells: u32, dynamic: Dynamic, form: Form) -> Fram
             samples: 1,
         },
         optics: Optics::grey(EXTINCTION, 0.9),
-        estimate: Estimate { environment: Some(EnvironmentEstimate::Records(records)), lights: None },
+        estimate: Estimate { environment: Some(EnvironmentEstimate::Records(records)), lights: None, scattering: None },
         ..scene_of(Frame::RecordsDynamicLight, volume)
     };
     Frames::new(scene, move |scene, number| {

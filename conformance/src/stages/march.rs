@@ -34,6 +34,8 @@ pub(super) struct Set {
     /// The same with colours.
     pub(super) colored_emission: bool,
     pub(super) in_scatter: Option<InScatter>,
+    /// Bands of light that was scattered before.
+    pub(super) scattered: Option<u32>,
     pub(super) lights: Vec<Light>,
     pub(super) shadow: u32,
     /// Rotation of a visible environment, degrees.
@@ -66,6 +68,9 @@ pub(super) struct InScatter {
 
 pub(super) const CELLS: [u32; 3] = [4, 3, 6];
 
+/// Cells of light that was scattered before.
+const SCATTERED_CELLS: [u32; 3] = [3, 5, 2];
+
 /// Cells of the lights' field.
 const LIGHT_CELLS: [u32; 3] = [5, 7, 4];
 
@@ -81,6 +86,7 @@ pub(super) fn plain(name: &str) -> Set {
         own_emission: false,
         colored_emission: false,
         in_scatter: None,
+        scattered: None,
         lights: Vec::new(),
         shadow: shadow_kind::NONE,
         environment: None,
@@ -104,6 +110,7 @@ struct Host {
     emission: Vec<f32>,
     emission_color: Vec<[f32; 4]>,
     in_scatter: Vec<[f32; 4]>,
+    scattered: Vec<[f32; 4]>,
     light_depth: Vec<[f32; 4]>,
     lights: Vec<LightRecord>,
     tables: Vec<f32>,
@@ -142,12 +149,22 @@ fn host(set: &Set) -> Host {
         p.cells = [CELLS[0], CELLS[1], CELLS[2], layers];
         p.cells_per_voxel = [0, 1, 2, 3].map(|a| if a < 3 { CELLS[a] as f32 / set.dims[a] as f32 } else { 0.0 });
         (p.bands, p.trilinear) = (bands, trilinear.into());
-        if layers > 1 {
-            p.harmonics_at = tables.len() as u32;
-            tables.extend(recurrence_table(bands));
-        }
         let values = noise(41, (CELLS.iter().product::<u32>() * layers * 3) as usize);
         in_scatter = values.chunks_exact(3).map(|v| [v[0] - 0.3, v[1] - 0.2, v[2], 0.0]).collect();
+    }
+    let mut scattered = Vec::new();
+    if let Some(bands) = set.scattered {
+        let (layers, [x, y, z]) = (bands * bands, SCATTERED_CELLS);
+        p.scattered_cells = [x, y, z, layers];
+        p.scattered_cells_per_voxel =
+            [0, 1, 2, 3].map(|a| if a < 3 { SCATTERED_CELLS[a] as f32 / set.dims[a] as f32 } else { 0.0 });
+        p.bands = p.bands.max(bands);
+        let values = noise(49, (x * y * z * layers * 3) as usize);
+        scattered = values.chunks_exact(3).map(|v| [v[0] - 0.2, v[1], v[2] - 0.3, 0.0]).collect();
+    }
+    if p.cells[3].max(p.scattered_cells[3]) > 1 {
+        p.harmonics_at = tables.len() as u32;
+        tables.extend(recurrence_table(p.bands));
     }
     let mut light_depth = Vec::new();
     if set.shadow >= shadow_kind::COLUMN {
@@ -211,6 +228,7 @@ fn host(set: &Set) -> Host {
         emission: if set.own_emission || set.colored_emission { emission } else { Vec::new() },
         emission_color: if set.colored_emission { emission_color } else { Vec::new() },
         in_scatter,
+        scattered,
         light_depth,
         lights,
         tables,
@@ -244,6 +262,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         emission: some(&host.emission, |v| bench.scalars(dims, v))?,
         emission_color: some(&host.emission_color, |v| bench.colors(dims, 1, v))?,
         in_scatter: some(&host.in_scatter, |v| bench.colors(CELLS, host.params.cells[3], v))?,
+        scattered: some(&host.scattered, |v| bench.colors(SCATTERED_CELLS, host.params.scattered_cells[3], v))?,
         light_depth: some(&host.light_depth, |v| bench.colors(LIGHT_CELLS, host.params.light_cells[3], v))?,
         occupancy: None,
         lights: some(&host.lights, |v| bench.buf(v))?,
@@ -278,6 +297,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
         emission: (!host.emission.is_empty()).then_some(&host.emission[..]),
         emission_color: (!host.emission_color.is_empty()).then_some(&host.emission_color[..]),
         in_scatter: (!host.in_scatter.is_empty()).then_some(&host.in_scatter[..]),
+        scattered: (!host.scattered.is_empty()).then_some(&host.scattered[..]),
         light_depth: (!host.light_depth.is_empty()).then_some(&host.light_depth[..]),
         lights: &host.lights,
         tables: &host.tables,

@@ -1,6 +1,8 @@
 //! Each stage against its twin.
 
 mod accumulate;
+mod coarsen;
+mod illuminate;
 mod inject;
 mod march;
 mod march_cases;
@@ -10,6 +12,7 @@ mod reduce;
 mod relight;
 mod shade;
 mod shadow;
+mod sweep;
 mod trace;
 mod upsample;
 
@@ -31,6 +34,9 @@ pub(crate) fn cases() -> Vec<Case> {
         shadow::cases(),
         upsample::cases(),
         accumulate::cases(),
+        coarsen::cases(),
+        illuminate::cases(),
+        sweep::cases(),
     ];
     all.into_iter().flatten().collect()
 }

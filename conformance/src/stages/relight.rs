@@ -30,8 +30,8 @@ pub(crate) fn cases() -> Vec<Case> {
             layers,
             emission_coefficients: if emits { layers } else { 0 },
             emission_weight: 0.28,
-            unused_0: 0,
-            unused_1: 0,
+            planar: 0,
+            unused: 0,
         };
         case("relight", name, "radiance J", &tolerance::STAGE, move |subject, record| one(subject, record, params))
     };

@@ -9,8 +9,8 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, AccumulateInputs, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs,
-    ShadeInputs, ShadowInputs, TraceInputs, UpsampleInputs,
+    self, AccumulateInputs, CoarsenInputs, IlluminateInputs, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs,
+    ReduceInputs, RelightInputs, ShadeInputs, ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
 };
 use airlight_core::stage::{Inject, March, Stage};
 use bytemuck::Pod;
@@ -231,6 +231,7 @@ impl Toy {
                     emission: s.emission.map(|f| self.field(f)),
                     emission_color: s.emission_color.map(|f| self.field(f)),
                     in_scatter: s.in_scatter.map(|f| self.field(f)),
+                    scattered: s.scattered.map(|f| self.field(f)),
                     light_depth: s.light_depth.map(|f| self.field(f)),
                     lights: &lights[..s.params.lights as usize],
                     tables: self.buffer(s.tables),
@@ -277,6 +278,33 @@ impl Toy {
                 let (next, mean) = reference::accumulate(&s.params, &inputs);
                 vec![("next", next), ("mean", mean)]
             }
+            Stage::Coarsen(s) => {
+                let inputs = CoarsenInputs {
+                    density: self.field(s.density),
+                    scattering: s.scattering.map(|f| self.field(f)),
+                    emission: s.emission.map(|f| self.field(f)),
+                    emission_color: s.emission_color.map(|f| self.field(f)),
+                };
+                vec![("optics", reference::coarsen(&s.params, &inputs))]
+            }
+            Stage::Illuminate(s) => {
+                let inputs = IlluminateInputs {
+                    density: self.field(s.density),
+                    lights: &self.records(s.lights),
+                    mesh: &s.mesh.map(|b| self.records(b)).unwrap_or_default(),
+                };
+                vec![("moments", reference::illuminate(&s.params, &inputs))]
+            }
+            Stage::Sweep(s) => {
+                let inputs = SweepInputs {
+                    optics: self.buffer(s.optics),
+                    directions: &self.records(s.directions),
+                    sources: s.sources.map_or(&[], |b| self.buffer(b)),
+                    source_weights: s.source_weights.map_or(&[], |b| self.buffer(b)),
+                    weights: self.buffer(s.weights),
+                };
+                vec![("moments", reference::sweep(&s.params, &inputs))]
+            }
         }
     }
 
@@ -316,11 +344,14 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
             let [i, j, k] = [word % x, word / x % y, word / x / y].map(|at| at / Inject::BRICK);
             (k * y.div_ceil(Inject::BRICK) + j) * x.div_ceil(Inject::BRICK) + i
         }
+        // Planes of a value a cell.
+        Stage::Coarsen(_) | Stage::Illuminate(_) => word as u32 % stage.axis(),
         // Cells, texels or sub-pixel positions, each with a part of its own or an even share of its group's.
         Stage::Reduce(_)
         | Stage::Project(_)
         | Stage::Relight(_)
         | Stage::Propagate(_)
+        | Stage::Sweep(_)
         | Stage::Trace(_)
         | Stage::Shade(_)
         | Stage::Shadow(_) => {

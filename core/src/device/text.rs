@@ -8,10 +8,11 @@ use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    Accumulate, AccumulateParams, BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March,
-    MarchParams, MaterialRecord, MeshRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce,
-    ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
+    Accumulate, AccumulateParams, BlobRecord, CoarsenParams, FAR, IlluminateParams, Inject, InjectParams, LightFace,
+    LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, PhaseParams, Project, ProjectParams,
+    PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, SweepDirection,
+    SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, inject_kind, propagate::scheme, shadow_kind,
+    surface_shadow,
 };
 
 /// A language of kernels.
@@ -220,6 +221,23 @@ const UPSAMPLE: Recipe = Recipe {
 const ACCUMULATE: Recipe =
     Recipe { params: AccumulateParams::NAME, structs: &[AccumulateParams::text], per_field: &[], helpers: &[] };
 
+const COARSEN: Recipe =
+    Recipe { params: CoarsenParams::NAME, structs: &[CoarsenParams::text], per_field: &[Helper::Field], helpers: &[] };
+
+const ILLUMINATE: Recipe = Recipe {
+    params: IlluminateParams::NAME,
+    structs: &[IlluminateParams::text, LightRecord::text, MeshRecord::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Sample, Helper::Angle, Helper::Harmonics, Helper::Light, Helper::Mesh],
+};
+
+const SWEEP: Recipe = Recipe {
+    params: SweepParams::NAME,
+    structs: &[SweepParams::text, SweepDirection::text],
+    per_field: &[],
+    helpers: &[Helper::Segment],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -235,6 +253,9 @@ impl Recipe {
             Stage::Shadow(_) => SHADOW,
             Stage::Upsample(_) => UPSAMPLE,
             Stage::Accumulate(_) => ACCUMULATE,
+            Stage::Coarsen(_) => COARSEN,
+            Stage::Illuminate(_) => ILLUMINATE,
+            Stage::Sweep(_) => SWEEP,
         }
     }
 

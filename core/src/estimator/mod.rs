@@ -4,14 +4,19 @@
 
 mod direct;
 mod opacity;
+mod ordinates;
 mod records;
+mod sweeps;
 
 use glam::DVec3;
 
 use crate::device::{Buf, Field};
 use crate::exec::{Plan, RenderError};
 use crate::scene::Scene;
-use crate::stage::{GridParams, LightRecord};
+use crate::stage::{GridParams, LightRecord, MaterialRecord, MeshRecord};
+
+/// Y_0 of the spherical harmonics, 1/√4π.
+const Y0: f64 = 0.282_094_791_773_878_14;
 
 /// The medium on the device, as every estimator and the march see it.
 #[derive(Clone, Copy, Debug)]
@@ -92,13 +97,50 @@ pub struct LightDepth {
     pub mean: bool,
 }
 
-/// What the march adds up.
+/// The medium's occupancy.
+#[derive(Clone, Copy, Debug)]
+pub struct Occupancy {
+    /// Cells along x, y, z; voxels of a cell's side.
+    pub cells: [u32; 4],
+    /// Mean and maximum of each cell.
+    pub buffer: Buf<[f32; 2]>,
+}
+
+/// The scene's surfaces on the device.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshBuffers {
+    /// Boxes and triangles.
+    pub records: Buf<MeshRecord>,
+    /// Materials.
+    pub materials: Buf<MaterialRecord>,
+    /// Number of boxes.
+    pub nodes: u32,
+    /// Where places of the mesh are from.
+    pub origin: DVec3,
+    /// The mesh's extent, metres.
+    pub extent: f32,
+}
+
+impl MeshBuffers {
+    /// A place from the mesh's origin; the mesh's extent: metres.
+    pub fn from_origin(&self, place: DVec3) -> [f32; 4] {
+        (place - self.origin).as_vec3().extend(self.extent).to_array()
+    }
+}
+
+/// What the march adds up, and what is there before the estimators plan it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources {
     /// The scene's lights, relative to the eye, where an estimator takes them: they are there before the estimators plan.
     pub records: Option<Buf<LightRecord>>,
-    /// A field of in-scattered radiance.
+    /// Surfaces, before the estimators plan.
+    pub mesh: Option<MeshBuffers>,
+    /// Where the medium is empty, before those plan that add orders of scattering.
+    pub occupancy: Option<Occupancy>,
+    /// A field of in-scattered radiance of the first order.
     pub field: Option<InScatter>,
+    /// The same of further orders.
+    pub scattered: Option<InScatter>,
     /// Lights that are evaluated at every view sample.
     pub lights: Option<Lights>,
 }

@@ -16,16 +16,14 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::{Estimator, InScatter, MediumFields, Sources};
+use super::ordinates::{Carried, Ordinates};
+use super::{Estimator, InScatter, MediumFields, Sources, Y0};
 use crate::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use crate::device::{Buf, FieldFormat, FieldSpec};
 use crate::exec::{Plan, RenderError};
 use crate::light::Environment;
-use crate::scene::{Content, Elimination, Interpolation, Records, Scene};
+use crate::scene::{Content, Elimination, Interpolation, Records, Scene, Solver};
 use crate::stage::{PhaseParams, Project, ProjectParams, Reduce, ReduceParams, Relight, RelightParams, Stage};
-
-/// Y_0 of the spherical harmonics, 1/√4π.
-const Y0: f64 = 0.282_094_791_773_878_14;
 
 impl Estimator for Records {
     fn name(&self) -> &'static str {
@@ -44,8 +42,13 @@ impl Estimator for Records {
             return Ok(());
         }
         let setup = Setup::new(self, scene, medium);
-        let occupancy = setup.eliminate(medium, plan);
-        let (records, emission_records) = setup.project(medium, occupancy, plan);
+        let (records, emission_records) = match self.solver {
+            Solver::Sweep => setup.sweep(medium, plan),
+            Solver::March => {
+                let occupancy = setup.eliminate(medium, plan);
+                setup.project(medium, occupancy, plan)
+            }
+        };
         let out = setup.relight(records, emission_records, plan);
         let spec = FieldSpec { dims: setup.cells, layers: setup.layers, format: FieldFormat::Rgba };
         let field = plan.publish("in-scatter", out, spec);
@@ -149,21 +152,61 @@ impl<'a> Setup<'a> {
         (light, self.nside, self.bands, self.options.content as u32)
     }
 
+    /// The environment whose light the directions follow, where they do.
+    fn followed(&self) -> Option<&'a Environment> {
+        self.scene.environment.as_ref().filter(|_| self.options.content == Content::Radiance)
+    }
+
+    /// What the directions depend on.
+    fn directions_key(&self) -> impl std::hash::Hash + use<> {
+        (self.nside, self.followed().map(|_| self.light_key()))
+    }
+
     fn directions(&self, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
-        let (nside, scene) = (self.nside, self.scene);
-        let make = move |environment: Option<&Environment>| {
-            let directions = match environment {
-                Some(environment) => environment.pixel_centroids(nside),
-                None => healpix::directions(nside),
-            };
-            directions.iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect()
+        let (nside, followed) = (self.nside, self.followed());
+        plan.upload("directions", self.options.directions.into(), &self.directions_key(), move || {
+            directions(nside, followed).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect()
+        })
+    }
+
+    /// Records by sweeps: the same moments, and the emission's by a second sweep.
+    fn sweep(&self, medium: &MediumFields, plan: &mut Plan<'a>) -> (Buf<f32>, Option<Buf<f32>>) {
+        let ordinates = Ordinates { scene: self.scene, medium: *medium, cells: self.cells };
+        let optics = ordinates.coarsen("record cells", 0.0, plan);
+        let (nside, followed) = (self.nside, self.followed());
+        let ways = ordinates.directions(
+            "record ways",
+            self.options.directions,
+            &self.directions_key(),
+            move || directions(nside, followed),
+            plan,
+        );
+        let grey = self.scene.optics.is_grey();
+        let of = Carried {
+            optics,
+            directions: ways,
+            channels: self.channels,
+            grey,
+            boundary: 1.0,
+            emits: false,
+            sources: None,
+            weights: (self.weights(plan), self.weight_channels),
+            coefficients: self.coefficients(),
+            planar: false,
         };
-        let count = self.options.directions.into();
-        if self.options.content == Content::Radiance {
-            plan.upload("directions", count, &self.light_key(), move || make(scene.environment.as_ref()))
-        } else {
-            plan.upload("directions", count, &nside, move || make(None))
-        }
+        let values = u64::from(self.coefficients() * self.channels.max(self.weight_channels));
+        let records = plan.work("records", self.cell_count().saturating_mul(values));
+        let stage = ordinates.sweep("records", of, records, plan);
+        plan.stage(Stage::Sweep(stage));
+        let emitted = self.emission_weights(plan).map(|weights| {
+            let (coefficients, channels) = (self.emission_coefficients, 3);
+            let of = Carried { channels, boundary: 0.0, emits: true, weights: (weights, 1), coefficients, ..of };
+            let records = plan.work("emission records", self.cell_count().saturating_mul((coefficients * 3).into()));
+            let stage = ordinates.sweep("emission records", of, records, plan);
+            plan.stage(Stage::Sweep(stage));
+            records
+        });
+        (records, emitted)
     }
 
     fn weights(&self, plan: &mut Plan<'a>) -> Buf<f32> {
@@ -272,8 +315,8 @@ impl<'a> Setup<'a> {
                 layers: self.layers,
                 emission_coefficients: self.emission_coefficients,
                 emission_weight: emission_weight as f32,
-                unused_0: 0,
-                unused_1: 0,
+                planar: 0,
+                unused: 0,
             },
             records,
             emission_records,
@@ -282,4 +325,9 @@ impl<'a> Setup<'a> {
         }));
         out
     }
+}
+
+/// The pixels' centres, or the mean directions of an environment's light in them.
+fn directions(nside: u32, followed: Option<&Environment>) -> Vec<DVec3> {
+    followed.map_or_else(|| healpix::directions(nside), |environment| environment.pixel_centroids(nside))
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::error::ExecError;
 use super::key::Key;
 use super::plan::{Declared, Node, Plan, Slots, Work};
+use super::solve::{Iteration, Solve, Solved};
 use crate::device::{Buf, Bytes, Device, DeviceError, FieldSpec, ResourceId, ResourceSpec};
 use crate::stage::Stage;
 
@@ -51,6 +52,8 @@ pub struct Report {
     pub upload_time: Duration,
     /// Bytes that the plan's resources take on the device.
     pub bytes: u64,
+    /// How equations were solved; empty where their solutions stood.
+    pub solved: Vec<Solved>,
 }
 
 impl Report {
@@ -326,7 +329,12 @@ impl Run<'_> {
         for node in nodes {
             let stands = |(id, key): &(ResourceId, Key)| self.held.get(id).is_some_and(|held| held.key == Some(*key));
             if !node.always && node.writes.iter().all(stands) {
-                if let Work::Stage(stage) = &node.work {
+                let stage = match &node.work {
+                    Work::Stage(stage) => Some(stage.as_ref()),
+                    Work::Solve(solve) => Some(&solve.stage),
+                    Work::Upload { .. } | Work::Publish { .. } => None,
+                };
+                if let Some(stage) = stage {
                     self.report.stages.push(StageRun { stage: stage.name(), ran: false, time: Duration::ZERO });
                 }
                 continue;
@@ -354,23 +362,68 @@ impl Run<'_> {
                 self.device.publish(from, to).map_err(|e| self.fault(&format!("publishing {name}"), e))?;
             }
             Work::Stage(stage) => {
-                let invalid = |what| ExecError::Invalid {
-                    device: self.device.info().name.clone(),
-                    stage: stage.name().to_owned(),
-                    what,
-                };
-                stage.validate().map_err(invalid)?;
-                let passes = match self.device.info().limits.loop_turns {
-                    Some(turns) => stage.passes(turns.into()).map_err(invalid)?,
-                    None => vec![*stage],
-                };
+                let passes = self.passes(*stage)?;
                 self.report.stages.push(StageRun { stage: passes[0].name(), ran: true, time: Duration::ZERO });
-                for (number, pass) in passes.iter().enumerate() {
-                    self.pass(pass, [number, passes.len()], hooks)?;
-                }
+                self.dispatch(&passes, hooks)?;
             }
+            Work::Solve(solve) => self.solve(*solve, hooks)?,
         }
         Ok(())
+    }
+
+    /// A stage in passes that keep to the device's limits.
+    fn passes(&self, stage: Stage) -> Result<Vec<Stage>, ExecError> {
+        let invalid =
+            |what| ExecError::Invalid { device: self.device.info().name.clone(), stage: stage.name().to_owned(), what };
+        stage.validate().map_err(invalid)?;
+        match self.device.info().limits.loop_turns {
+            Some(turns) => stage.passes(turns.into()).map_err(invalid),
+            None => Ok(vec![stage]),
+        }
+    }
+
+    fn dispatch(&mut self, passes: &[Stage], hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
+        for (number, pass) in passes.iter().enumerate() {
+            self.pass(pass, [number, passes.len()], hooks)?;
+        }
+        Ok(())
+    }
+
+    /// Repeats a stage until its equation is solved.
+    fn solve(&mut self, solve: Solve, hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
+        let Solve { stage, parts, source, scattered, out, orders } = solve;
+        let name = stage.name();
+        let passes = self.passes(stage)?;
+        self.report.stages.push(StageRun { stage: name, ran: true, time: Duration::ZERO });
+        let (mut unscattered, mut share) = (vec![0.0; source.len as usize], vec![0.0; source.len as usize]);
+        let mut values = vec![0.0f32; source.len as usize];
+        for part in parts {
+            self.fetch(name, part.light, &mut values)?;
+            for ((b, share), light) in unscattered.iter_mut().zip(&mut share).zip(&values) {
+                *b += part.source * light;
+                *share += part.out * light;
+            }
+        }
+        let mut iteration = Iteration::new(orders, unscattered);
+        let solved: Solved = loop {
+            self.put(name, source, &iteration.source())?;
+            self.dispatch(&passes, hooks)?;
+            self.fetch(name, scattered, &mut values)?;
+            if let Some(solved) = iteration.take(&values) {
+                break solved;
+            }
+        };
+        values.iter_mut().zip(&share).for_each(|(x, share)| *x += share);
+        self.report.solved.push(solved);
+        self.put(name, out, &values)
+    }
+
+    fn fetch(&mut self, stage: &str, from: Buf<f32>, out: &mut [f32]) -> Result<(), ExecError> {
+        self.device.read(from.id, 0, bytemuck::cast_slice_mut(out)).map_err(|e| self.fault(stage, e))
+    }
+
+    fn put(&mut self, stage: &str, to: Buf<f32>, values: &[f32]) -> Result<(), ExecError> {
+        self.device.write(to.id, 0, bytemuck::cast_slice(values)).map_err(|e| self.fault(stage, e))
     }
 
     /// Dispatches one of so many passes of a stage, in pieces where it is long. The first time, a small piece is waited

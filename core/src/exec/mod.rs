@@ -5,6 +5,7 @@
 //! the nodes whose key changed. A moving light over a still medium, a moving medium under a still sky and a moving
 //! eye over both need no flags: each redoes what depends on it.
 
+mod anderson;
 mod apart;
 mod density;
 mod error;
@@ -12,6 +13,7 @@ mod executor;
 mod key;
 mod plan;
 mod renderer;
+mod solve;
 mod surfaces;
 
 pub use error::{ExecError, RenderError};
@@ -19,3 +21,4 @@ pub use executor::{Executor, Hooks, Progress, Report, StageRun};
 pub use key::Key;
 pub use plan::{Plan, State};
 pub use renderer::{OnDevice, Rendered, Renderer, Surface};
+pub use solve::{Part, Solve, Solved};

@@ -7,6 +7,7 @@ use std::hash::Hash;
 use bytemuck::Pod;
 
 use super::key::Key;
+use super::solve::Solve;
 use crate::device::{
     Binding, BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, Limits, ResourceId, ResourceSpec, Usage,
 };
@@ -19,6 +20,7 @@ pub(super) enum Work<'a> {
     Upload { id: ResourceId, fill: Fill<'a> },
     Stage(Box<Stage>),
     Publish { from: ResourceId, to: ResourceId },
+    Solve(Box<Solve>),
 }
 
 pub(super) struct Node<'a> {
@@ -124,6 +126,11 @@ impl<'a> Plan<'a> {
     /// A buffer that a stage writes.
     pub fn work<T: Pod>(&mut self, slot: &str, len: u64) -> Buf<T> {
         self.buffer(slot, len, Usage::Work)
+    }
+
+    /// A buffer that the host writes while the plan runs.
+    pub fn input<T: Pod>(&mut self, slot: &str, len: u64) -> Buf<T> {
+        self.buffer(slot, len, Usage::Input)
     }
 
     /// A buffer that a stage writes and the host reads.
@@ -252,6 +259,25 @@ impl<'a> Plan<'a> {
         let writes: Vec<_> = writes.into_iter().map(|(name, id)| (id, Key::of(name, &base))).collect();
         self.keys.extend(writes.iter().copied());
         self.nodes.push(Node { work: Work::Stage(Box::new(stage)), writes, always });
+    }
+
+    /// An equation that a stage is repeated for. What it reads beside `source` must be planned already.
+    pub fn solve(&mut self, solve: Solve) {
+        self.host(solve.host_bytes());
+        let known = |keys: &HashMap<ResourceId, Key>, id: ResourceId| keys.get(&id).copied();
+        let parts: Vec<_> = solve
+            .parts
+            .iter()
+            .map(|part| (known(&self.keys, part.light.id), part.source.to_bits(), part.out.to_bits()))
+            .collect();
+        self.keys.insert(solve.source.id, Key::of("solve", &(parts, format!("{:?}", solve.orders))));
+        let base = self.key(&solve.stage);
+        let stage = solve.stage.bindings();
+        let written = stage.iter().filter_map(|b| matches!(b.access, BindingAccess::Write(_)).then_some(b.id?));
+        let writes: Vec<_> =
+            written.chain([solve.source.id, solve.out.id]).map(|id| (id, Key::of("solved", &(base, id.0)))).collect();
+        self.keys.extend(writes.iter().copied());
+        self.nodes.push(Node { work: Work::Solve(Box::new(solve)), writes, always: false });
     }
 
     /// The field of what stages wrote into `from`.

@@ -7,16 +7,17 @@ use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
-use super::surfaces::{
-    Frame, MeshBuffers, Occupancy, SurfaceShadowing, plan_shade, plan_shadow, plan_trace, upload_lights, upload_mesh,
-};
+use super::surfaces::{Frame, SurfaceShadowing, plan_shade, plan_shadow, plan_trace, upload_lights, upload_mesh};
 use crate::Version;
 use crate::blue_noise;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
-use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
+use crate::estimator::{
+    EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, MeshBuffers, Occupancy,
+    Sources,
+};
 use crate::light::Environment;
 use crate::media::{OpticsField, OpticsFields};
-use crate::scene::{EnvironmentEstimate, Film, Jitter, LightsEstimate, Scene};
+use crate::scene::{EnvironmentEstimate, Film, Jitter, LightsEstimate, ScatteringEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
 
 /// A film and how it came about.
@@ -180,7 +181,7 @@ fn plan_frame<'a>(
 ) -> Result<Buf<[f32; 4]>, RenderError> {
     let medium = upload_medium(scene, plan);
     let mesh = upload_mesh(scene, plan);
-    let mut sources = Sources { records: upload_lights(scene, mesh.is_some(), plan), ..Sources::default() };
+    let mut sources = Sources { records: upload_lights(scene, mesh.is_some(), plan), mesh, ..Sources::default() };
     if let Some(EnvironmentEstimate::Records(records)) = &scene.estimate.environment {
         records.plan(scene, &medium, plan, &mut sources)?;
     }
@@ -193,6 +194,10 @@ fn plan_frame<'a>(
     let shadow = mesh.as_ref().and_then(|mesh| plan_shadow(scene, mesh, &sources, plan));
     let hits = mesh.as_ref().map(|mesh| plan_trace(scene, mesh, plan));
     let occupancy = plan_occupancy(&medium, plan);
+    sources.occupancy = Some(occupancy);
+    if let Some(ScatteringEstimate::Sweeps(sweeps)) = &scene.estimate.scattering {
+        sweeps.plan(scene, &medium, plan, &mut sources)?;
+    }
     let seen = match (&mesh, hits) {
         (Some(mesh), Some(hits)) => {
             let frame = Frame { scene, medium: &medium, occupancy, lights: sources.records, floor: light_floor(scene) };
@@ -321,16 +326,20 @@ fn plan_march<'a>(
     let per_voxel =
         |cells: [u32; 3]| [0, 1, 2, 3].map(|a| if a < 3 { cells[a] as f32 / grid.dims[a] as f32 } else { 0.0 });
     let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
-    let mut in_scatter = None;
     if let Some(InScatter { field, cells, bands, trilinear }) = sources.field {
         params.cells = [cells[0], cells[1], cells[2], field.spec.layers];
         params.cells_per_voxel = per_voxel(cells);
         (params.bands, params.trilinear) = (bands, trilinear.into());
-        if field.spec.layers > 1 {
-            params.harmonics_at = tables.len() as u32;
-            tables.extend(crate::basis::recurrence_table(bands));
-        }
-        in_scatter = Some(field);
+    }
+    if let Some(InScatter { field, cells, bands, .. }) = sources.scattered {
+        params.scattered_cells = [cells[0], cells[1], cells[2], field.spec.layers];
+        params.scattered_cells_per_voxel = per_voxel(cells);
+        // The constants of some bands begin with those of fewer.
+        params.bands = params.bands.max(bands);
+    }
+    if params.cells[3].max(params.scattered_cells[3]) > 1 {
+        params.harmonics_at = tables.len() as u32;
+        tables.extend(crate::basis::recurrence_table(params.bands));
     }
     let (mut lights, mut light_depth) = (None, None);
     if let Some(Lights { records, shadow }) = sources.lights {
@@ -364,7 +373,7 @@ fn plan_march<'a>(
     params.surface_samples = behind.seen.as_ref().map_or(1, |seen| seen.samples);
     let shadowing = behind.shadow;
     if let (Some(mesh), Some(shadow)) = (behind.mesh, shadowing) {
-        (params.mesh_eye, params.nodes) = (mesh.eye(camera), mesh.nodes);
+        (params.mesh_eye, params.nodes) = (mesh.from_origin(camera.origin), mesh.nodes);
         (params.surface_shadow, params.map_side) = (shadow.kind, shadow.side);
     }
     let mut march = March {
@@ -373,7 +382,8 @@ fn plan_march<'a>(
         scattering: medium.scattering,
         emission: medium.emission.density(),
         emission_color: medium.emission.color(),
-        in_scatter,
+        in_scatter: sources.field.map(|source| source.field),
+        scattered: sources.scattered.map(|source| source.field),
         light_depth,
         occupancy: Some(occupancy.buffer),
         lights,

@@ -1,42 +1,16 @@
 //! The scene's lights and surfaces: what view rays meet, how it is lit, and how it shadows lights.
 
 use bytemuck::Zeroable;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::plan::Plan;
 use crate::device::Buf;
-use crate::estimator::{MediumFields, Sources};
+use crate::estimator::{MediumFields, MeshBuffers, Occupancy, Sources};
 use crate::scene::{Camera, Hierarchy, Mesh, Scene, SurfaceShadow};
 use crate::stage::{
     LightRecord, MaterialRecord, MeshRecord, Shade, ShadeParams, Shadow, ShadowParams, Stage, Trace, TraceParams,
     surface_shadow,
 };
-
-/// A mesh on the device.
-pub(super) struct MeshBuffers {
-    records: Buf<MeshRecord>,
-    materials: Buf<MaterialRecord>,
-    /// Number of boxes.
-    pub(super) nodes: u32,
-    origin: DVec3,
-    extent: f32,
-}
-
-impl MeshBuffers {
-    /// The eye from the mesh's origin; the mesh's extent: metres.
-    pub(super) fn eye(&self, camera: &Camera) -> [f32; 4] {
-        (camera.origin - self.origin).as_vec3().extend(self.extent).to_array()
-    }
-}
-
-/// The medium's occupancy.
-#[derive(Clone, Copy)]
-pub(super) struct Occupancy {
-    /// Cells along x, y, z; voxels of a cell's side.
-    pub(super) cells: [u32; 4],
-    /// Mean and maximum of each cell.
-    pub(super) buffer: Buf<[f32; 2]>,
-}
 
 /// How surfaces shadow lights in the medium.
 #[derive(Clone, Copy)]
@@ -128,7 +102,7 @@ pub(super) fn plan_shadow<'a>(
 pub(super) fn plan_trace(scene: &Scene, mesh: &MeshBuffers, plan: &mut Plan<'_>) -> Hits {
     let camera = &scene.camera;
     let mut params = TraceParams::zeroed();
-    params.eye = mesh.eye(camera);
+    params.eye = mesh.from_origin(camera.origin);
     [params.forward, params.right, params.up] = axes(camera);
     (params.width, params.height, params.samples) = (camera.width, camera.height, camera.samples);
     (params.nodes, params.node_end) = (mesh.nodes, mesh.nodes);
@@ -161,7 +135,7 @@ pub(super) fn plan_shade(
     [params.index_x, params.index_y, params.index_z] = grid.index;
     let eye = scene.medium.lattice().world_to_index().transform_point3(camera.origin);
     params.eye = eye.as_vec3().extend(0.0).to_array();
-    params.mesh_eye = mesh.eye(camera);
+    params.mesh_eye = mesh.from_origin(camera.origin);
     [params.forward, params.right, params.up] = axes(camera);
     params.extinction = scene.optics.extinction.extend(0.0).to_array();
     params.occupancy_cells = occupancy.cells;

@@ -109,6 +109,14 @@ impl Light {
         })
     }
 
+    /// Irradiance or intensity.
+    pub fn power(&self) -> Vec3 {
+        match *self {
+            Self::Directional { irradiance, .. } => irradiance,
+            Self::Point { intensity, .. } | Self::Spot { intensity, .. } => intensity,
+        }
+    }
+
     /// Direction toward the light, distance to it (infinite for a directional light) and what arrives at `x` without
     /// a medium: irradiance in W m⁻² on a plane that faces the light, with 1/r² floored at 1/`floor`² (metres).
     pub fn at(&self, x: DVec3, floor: f64) -> (DVec3, f64, DVec3) {

@@ -333,7 +333,7 @@ mod tests {
             surfaces: None,
             frame: 0,
             lights: Vec::new(),
-            estimate: Estimate::default(),
+            estimate: Estimate::single(),
             quality: Quality::default(),
         }
     }

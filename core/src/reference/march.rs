@@ -24,6 +24,8 @@ pub struct MarchInputs<'a> {
     pub emission_color: Option<&'a [[f32; 4]]>,
     /// In-scattered radiance, laid out \[cell\]\[layer\].
     pub in_scatter: Option<&'a [[f32; 4]]>,
+    /// In-scattered radiance of light that was scattered before, laid out \[cell\]\[layer\].
+    pub scattered: Option<&'a [[f32; 4]]>,
     /// Columns or mean densities toward the lights, laid out \[cell\]\[layer\].
     pub light_depth: Option<&'a [[f32; 4]]>,
     /// Lights.
@@ -136,7 +138,25 @@ impl Path {
             }
             let (t, at) = steps.within(k, place);
             let extinction = density.trilinear(at) * xyz(params.extinction);
-            let light = gathered(params, inputs, harmonics, at, d) + direct(params, inputs, at, t, d);
+            let mut light = direct(params, inputs, at, t, d);
+            light += gathered(
+                inputs.in_scatter,
+                params.cells,
+                params.cells_per_voxel,
+                params.trilinear == 1,
+                harmonics,
+                at,
+                d,
+            );
+            light += gathered(
+                inputs.scattered,
+                params.scattered_cells,
+                params.scattered_cells_per_voxel,
+                true,
+                harmonics,
+                at,
+                d,
+            );
             let scattering = scattering.trilinear(at) * xyz(params.extinction) * xyz(params.albedo);
             let source = scattering * light + emission.trilinear(at) * xyz(params.emission);
             for c in 0..3 {
@@ -152,28 +172,30 @@ impl Path {
     }
 }
 
-/// J from the field of in-scattered radiance.
+/// J from a field of in-scattered radiance.
 fn gathered(
-    params: &MarchParams,
-    inputs: &MarchInputs<'_>,
+    field: Option<&[[f32; 4]]>,
+    cells: [u32; 4],
+    per_voxel: [f32; 4],
+    trilinear: bool,
     harmonics: &SphericalHarmonics,
     at: DVec3,
     d: DVec3,
 ) -> DVec3 {
-    let Some(field) = inputs.in_scatter else { return DVec3::ZERO };
-    let place = (at + 0.5) * xyz(params.cells_per_voxel) - 0.5;
-    let layers = params.cells[3] as usize;
+    let Some(field) = field else { return DVec3::ZERO };
+    let place = (at + 0.5) * xyz(per_voxel) - 0.5;
+    let layers = cells[3] as usize;
     let layer = |k: usize| {
         let values: Vec<_> = field.iter().skip(k).step_by(layers).copied().collect();
-        let layer = Samples::new(&values, params.cells);
-        if params.trilinear == 1 { layer.trilinear(place) } else { xyz(layer.nearest(place)) }
+        let layer = Samples::new(&values, cells);
+        if trilinear { layer.trilinear(place) } else { xyz(layer.nearest(place)) }
     };
     if layers == 1 {
         return layer(0);
     }
     let mut values = vec![0.0; harmonics.count()];
     harmonics.eval(d, &mut values);
-    values.iter().enumerate().map(|(k, y)| layer(k) * *y).sum()
+    values.iter().take(layers).enumerate().map(|(k, y)| layer(k) * *y).sum()
 }
 
 /// J from the lights, at the point `at` of index space, `t` metres along the view ray.
@@ -322,6 +344,7 @@ mod tests {
             emission: None,
             emission_color: None,
             in_scatter: None,
+            scattered: None,
             light_depth: None,
             lights: &[light],
             tables: &[0.5, 0.5],

@@ -5,7 +5,7 @@ use crate::stage::RelightParams;
 /// What the bindings of [`Relight`](crate::stage::Relight) hold.
 #[derive(Clone, Copy, Debug)]
 pub struct RelightInputs<'a> {
-    /// D, laid out \[cell\]\[coefficient\]\[channel\].
+    /// D, laid out \[cell\]\[coefficient\]\[channel\], or \[coefficient\]\[channel\]\[cell\].
     pub records: &'a [f32],
     /// E, laid out \[cell\]\[coefficient\]\[RGB\]; empty for none.
     pub emission_records: &'a [f32],
@@ -18,7 +18,11 @@ pub fn relight(params: &RelightParams, inputs: &RelightInputs<'_>) -> Vec<f64> {
     let (coefficients, channels) = (params.coefficients as usize, params.channels as usize);
     let moments = params.emission_coefficients as usize;
     let record = |cell: usize, k: usize, c: usize| {
-        f64::from(inputs.records[(cell * coefficients + k) * channels + c.min(channels - 1)])
+        let value = k * channels + c.min(channels - 1);
+        f64::from(match params.planar {
+            1 => inputs.records[value * params.cells as usize + cell],
+            _ => inputs.records[cell * coefficients * channels + value],
+        })
     };
     let emitted = |cell: usize, k: usize, c: usize| match moments {
         0 => 0.0,

@@ -5,13 +5,16 @@ use std::sync::OnceLock;
 use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, gram_error, healpix};
 use crate::media::Phase;
 
-/// One estimator for each source of first-order light; without one, that light is left out.
+/// One estimator for each source of first-order light, and one for all further orders; without one, that light is left
+/// out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// How light from the environment (and from the medium's own emission) is in-scattered.
     pub environment: Option<EnvironmentEstimate>,
     /// How light from analytic lights is in-scattered.
     pub lights: Option<LightsEstimate>,
+    /// How light of all sources that was scattered before is in-scattered.
+    pub scattering: Option<ScatteringEstimate>,
 }
 
 impl Default for Estimate {
@@ -19,7 +22,15 @@ impl Default for Estimate {
         Self {
             environment: Some(EnvironmentEstimate::Records(Records::default())),
             lights: Some(LightsEstimate::Opacity(Opacity::default())),
+            scattering: Some(ScatteringEstimate::Sweeps(Sweeps::default())),
         }
+    }
+}
+
+impl Estimate {
+    /// The defaults without further orders.
+    pub fn single() -> Self {
+        Self { scattering: None, ..Self::default() }
     }
 }
 
@@ -40,6 +51,57 @@ pub enum LightsEstimate {
     Direct(Direct),
 }
 
+/// Estimators of light that was scattered before.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ScatteringEstimate {
+    /// Discrete ordinates by sweeps over a coarse grid.
+    Sweeps(Sweeps),
+}
+
+/// Options of `sweeps`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweeps {
+    /// Cells along the longest side of the box; the others in proportion.
+    pub cells: u32,
+    /// Bands of spherical harmonics that scattered light keeps.
+    pub bands: u32,
+    /// Directions: 12·n² for a whole n.
+    pub directions: u32,
+    /// Which orders of scattering.
+    pub orders: Orders,
+}
+
+impl Default for Sweeps {
+    fn default() -> Self {
+        Self { cells: 40, bands: 3, directions: 48, orders: Orders::default() }
+    }
+}
+
+/// Orders of scattering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Orders {
+    /// All, until what a further sweep changes is at or below this share of the light, in the mean square.
+    Converged {
+        /// The share.
+        tolerance: f32,
+    },
+    /// So many, the first included.
+    Count(u32),
+}
+
+impl Default for Orders {
+    fn default() -> Self {
+        Self::Converged { tolerance: Self::TOLERANCE }
+    }
+}
+
+impl Orders {
+    /// Tolerance unless another is asked for.
+    pub const TOLERANCE: f32 = 1e-3;
+    /// The most orders.
+    pub const MAX: u32 = 10_000;
+}
+
 /// Options of `records`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Records {
@@ -55,6 +117,8 @@ pub struct Records {
     pub interpolation: Interpolation,
     /// Which cells are left out because they are empty.
     pub elimination: Elimination,
+    /// How the light of each direction reaches the cells.
+    pub solver: Solver,
 }
 
 impl Default for Records {
@@ -66,8 +130,19 @@ impl Default for Records {
             content: Content::Radiance,
             interpolation: Interpolation::Trilinear,
             elimination: Elimination::Exact,
+            solver: Solver::Sweep,
         }
     }
+}
+
+/// How the light of each direction reaches the cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// From the cells before, plane by plane: one step a cell and direction ([`stage::Sweep`](crate::stage::Sweep)). All cells
+    /// are filled, so that [`Records::elimination`] has no say.
+    Sweep,
+    /// By a march from every cell that matters, as published ([`stage::Project`](crate::stage::Project)).
+    March,
 }
 
 /// What a record holds.
@@ -222,8 +297,7 @@ impl Records {
 
     /// The n of 12·n² directions, where there is one.
     pub fn nside(&self) -> Option<u32> {
-        let n = (f64::from(self.directions) / 12.0).sqrt().round() as u32;
-        ((1..=Self::MAX_NSIDE).contains(&n) && 12 * n * n == self.directions).then_some(n)
+        nside(self.directions)
     }
 
     fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
@@ -232,19 +306,23 @@ impl Records {
         if let Elimination::Probes(n) = self.elimination {
             range("probes", n, Self::MAX_PROBES)?;
         }
-        if self.nside().is_none() {
-            let n = (f64::from(self.directions) / 12.0).sqrt().ceil().clamp(1.0, Self::MAX_NSIDE.into()) as u32;
-            let range = format!("HEALPix takes 12·n² directions with n from 1 to 64; the next is {}", 12 * n * n);
-            return Err(EstimateError::Range { key: "directions", value: self.directions, range });
-        }
         let bands = match self.content {
             Content::Radiance => self.bands.min(phase.reach().unwrap_or(u32::MAX)),
             Content::Transmittance | Content::Phase => self.bands,
         };
-        let coarsest = 12 * coarsest_nside(bands).pow(2);
-        if self.directions < coarsest {
-            let range = format!("{bands} bands of spherical harmonics need at least {coarsest} directions");
-            return Err(EstimateError::Range { key: "directions", value: self.directions, range });
+        resolved(self.directions, bands)?;
+        if matches!(self.elimination, Elimination::Probes(_)) && self.solver == Solver::Sweep {
+            return Err(EstimateError::Conflict(
+                "sweeps fill every cell, and probes would leave some out; take solver = \"march\" or elimination = \"exact\""
+                    .into(),
+            ));
+        }
+        if self.content == Content::Phase && self.solver == Solver::Sweep {
+            return Err(EstimateError::Conflict(
+                "content = \"phase\" weighs every direction toward the eye at each cell, which sweeps do not; take solver = \
+                 \"march\""
+                    .into(),
+            ));
         }
         if self.content == Content::Transmittance && !phase.is_isotropic() {
             return Err(EstimateError::Conflict(
@@ -255,6 +333,50 @@ impl Records {
         }
         Ok(())
     }
+}
+
+impl Sweeps {
+    /// The most cells along a side.
+    pub const MAX_CELLS: u32 = Records::MAX_CELLS;
+
+    /// The n of 12·n² directions, where there is one.
+    pub fn nside(&self) -> Option<u32> {
+        nside(self.directions)
+    }
+
+    fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
+        range("cells", self.cells, Self::MAX_CELLS)?;
+        range("bands", self.bands, Records::MAX_BANDS)?;
+        match self.orders {
+            Orders::Count(orders) => range("orders", orders, Orders::MAX)?,
+            Orders::Converged { tolerance } if tolerance > 0.0 && tolerance < 1.0 => (),
+            Orders::Converged { tolerance } => {
+                let text = format!("tolerance = {tolerance}; it must be above 0 and below 1");
+                return Err(EstimateError::Conflict(text));
+            }
+        }
+        resolved(self.directions, self.bands.min(phase.reach().unwrap_or(u32::MAX)))
+    }
+}
+
+/// The n of 12·n² directions, where there is one.
+fn nside(directions: u32) -> Option<u32> {
+    let n = (f64::from(directions) / 12.0).sqrt().round() as u32;
+    ((1..=Records::MAX_NSIDE).contains(&n) && 12 * n * n == directions).then_some(n)
+}
+
+/// An error unless HEALPix has so many directions and they keep the bands apart.
+fn resolved(directions: u32, bands: u32) -> Result<(), EstimateError> {
+    let wrong = |range: String| Err(EstimateError::Range { key: "directions", value: directions, range });
+    if nside(directions).is_none() {
+        let n = (f64::from(directions) / 12.0).sqrt().ceil().clamp(1.0, Records::MAX_NSIDE.into()) as u32;
+        return wrong(format!("HEALPix takes 12·n² directions with n from 1 to 64; the next is {}", 12 * n * n));
+    }
+    let coarsest = 12 * coarsest_nside(bands).pow(2);
+    if directions < coarsest {
+        return wrong(format!("{bands} bands of spherical harmonics need at least {coarsest} directions"));
+    }
+    Ok(())
 }
 
 /// An error unless the option is from 1 to `max`.
@@ -298,6 +420,9 @@ impl Estimate {
         if let Some(LightsEstimate::Opacity(opacity)) = &self.lights {
             range("cells", opacity.cells, Opacity::MAX_CELLS)?;
         }
+        if let Some(ScatteringEstimate::Sweeps(sweeps)) = &self.scattering {
+            sweeps.validate(phase)?;
+        }
         self.lights.as_ref().map_or(Ok(()), |lights| lights.surface_shadow().validate())
     }
 }
@@ -309,7 +434,13 @@ mod tests {
     #[test]
     fn directions_must_resolve_the_bands() {
         assert_eq!([1, 3, 6, 10].map(coarsest_nside), [1, 2, 3, 5]);
-        let options = |bands, directions, content| Records { bands, directions, content, ..Records::default() };
+        let options = |bands, directions, content| Records {
+            bands,
+            directions,
+            content,
+            solver: Solver::March,
+            ..Records::default()
+        };
         let hg = Phase::HenyeyGreenstein { g: 0.5 };
         assert!(options(3, 12, Content::Phase).validate(&hg).is_err());
         assert!(options(3, 48, Content::Phase).validate(&hg).is_ok());

@@ -18,7 +18,7 @@ pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Opacity,
-    Records, Scheme, Shadow, SurfaceShadow,
+    Orders, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 pub use film::Film;
 pub use hierarchy::Hierarchy;

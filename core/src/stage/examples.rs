@@ -2,7 +2,10 @@
 
 use bytemuck::Zeroable;
 
-use super::{Accumulate, Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace, Upsample};
+use super::{
+    Accumulate, Coarsen, Illuminate, Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Sweep,
+    Trace, Upsample,
+};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -56,6 +59,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             emission: full.then(|| scalar(1)),
             emission_color: full.then(|| field(12, FieldFormat::Rgba)),
             in_scatter: full.then(|| field(2, FieldFormat::Rgba)),
+            scattered: full.then(|| field(13, FieldFormat::Rgba)),
             light_depth: full.then(|| field(3, FieldFormat::Rgba)),
             occupancy: full.then(|| buf(4)),
             lights: full.then(|| buf(5)),
@@ -104,6 +108,33 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             last: buf(1),
             next: buf(2),
             mean: buf(3),
+        }),
+        Stage::Coarsen(Coarsen {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            emission: full.then(|| scalar(2)),
+            emission_color: full.then(|| field(3, FieldFormat::Rgba)),
+            out: buf(4),
+        }),
+        Stage::Illuminate(Illuminate {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            occupancy: full.then(|| buf(1)),
+            lights: buf(2),
+            tables: buf(3),
+            mesh: full.then(|| buf(4)),
+            out: buf(5),
+        }),
+        Stage::Sweep(Sweep {
+            params: Zeroable::zeroed(),
+            optics: buf(0),
+            directions: buf(1),
+            sources: full.then(|| buf(2)),
+            source_weights: full.then(|| buf(3)),
+            weights: buf(4),
+            radiance: buf(5),
+            moments: buf(6),
         }),
     ]
 }

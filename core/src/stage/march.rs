@@ -10,7 +10,7 @@
 //! σs is ρs · `extinction` · `albedo` and j is ρe · `emission`; ρs and ρe are ρ, unless there are fields of their own.
 //!
 //! J is the sum of what the estimators prepared: `in_scatter`, a field over the record cells of one layer, or of
-//! bands² layers that are weighed with Y_k(d) of the ray's direction; and `lights`, each with phase, falloff and the
+//! bands² layers that are weighed with Y_k(d) of the ray's direction; `scattered`, another such field, always trilinear; and `lights`, each with phase, falloff and the
 //! medium's own shadow: exp(-`extinction` · column), the column marched, or trilinear from `light_depth`. Surfaces shadow them
 //! by a ray through `mesh`, or by four comparisons with `shadow_map` that are interpolated. Space that `occupancy` shows empty is stepped over without moving a sample.
 //!
@@ -82,6 +82,10 @@ kernel_struct! {
         light_cells_per_voxel: F32x4,
         /// The eye from the mesh's origin; the mesh's extent: metres.
         mesh_eye: F32x4,
+        /// Cells of the light that was scattered before along x, y, z; layers.
+        scattered_cells: U32x4,
+        /// The same cells per voxel along x, y, z; unused.
+        scattered_cells_per_voxel: F32x4,
         /// Columns of the picture.
         width: U32,
         /// Rows of the picture.
@@ -98,7 +102,7 @@ kernel_struct! {
         light_floor: F32,
         /// Kind of the phase function.
         phase_kind: U32,
-        /// Bands of the layered in-scatter.
+        /// The most bands of layered in-scatter.
         bands: U32,
         /// 1 for trilinear records, 0 for the nearest.
         trilinear: U32,
@@ -191,6 +195,8 @@ pub struct March {
     pub emission_color: Option<Field>,
     /// In-scattered radiance at the record cells.
     pub in_scatter: Option<Field>,
+    /// In-scattered radiance of light that was scattered before, at cells of its own.
+    pub scattered: Option<Field>,
     /// Columns or mean densities toward the lights, four to a layer.
     pub light_depth: Option<Field>,
     /// Mean and maximum of each occupancy cell, from `reduce`.
@@ -235,7 +241,8 @@ impl March {
         let p = &self.params;
         let longest = most_steps(p.dims, [p.index_x, p.index_y, p.index_z], p.step);
         let steps = if p.steps > 0 { p.steps.into() } else { longest };
-        let layers = if p.cells[3] > 1 { u64::from(p.cells[3]) } else { 0 };
+        let of = |cells: [u32; 4]| if cells[3] > 1 { u64::from(cells[3]) } else { 0 };
+        let layers = of(p.cells) + of(p.scattered_cells);
         let column = if p.shadow == shadow_kind::MARCH { longest } else { 0 };
         let way = match (p.surface_shadow, self.mesh) {
             (surface_shadow::RAY, Some(mesh)) => MeshRecord::turns(p.nodes.into(), p.nodes, mesh.len),
@@ -246,7 +253,8 @@ impl March {
         let light = column.saturating_add(way).saturating_add(1);
         let step = (layers + 4).saturating_add(u64::from(p.lights).saturating_mul(light));
         // Of a ray: itself and the harmonics of its direction, one turn a coefficient and two a band at the most.
-        Turns { steps, step, ray: 1 + layers + 2 * u64::from(p.bands) }
+        let coefficients = if layers > 0 { u64::from(p.bands) * u64::from(p.bands) } else { 0 };
+        Turns { steps, step, ray: 1 + coefficients + 2 * u64::from(p.bands) }
     }
 
     /// Blocks along x and y.
@@ -290,6 +298,7 @@ impl Kernel for March {
             Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
             Binding::sample("emission_color", FieldFormat::Rgba, self.emission_color),
             Binding::sample("in_scatter", FieldFormat::Rgba, self.in_scatter),
+            Binding::sample("scattered", FieldFormat::Rgba, self.scattered),
             Binding::sample("light_depth", FieldFormat::Rgba, self.light_depth),
             Binding::read("occupancy", self.occupancy),
             Binding::read("lights", self.lights),
@@ -363,15 +372,15 @@ impl Kernel for March {
             "a part of {} rays without paths",
             samples.len()
         );
-        if let Some(field) = self.in_scatter {
-            let [cells @ .., layers] = p.cells;
-            let spec = field.spec;
-            require!(spec.dims == cells && spec.layers == layers, "in-scatter of {spec:?} for {:?}", p.cells);
+        for (field, of) in [(self.in_scatter, p.cells), (self.scattered, p.scattered_cells)] {
+            let Some(Field { spec, .. }) = field else { continue };
+            let [cells @ .., layers] = of;
+            require!(spec.dims == cells && spec.layers == layers, "in-scatter of {spec:?} for {of:?}");
             require!(spec.format == FieldFormat::Rgba && layers > 0, "in-scatter of {spec:?}");
             if layers > 1 {
                 let most = SphericalHarmonics::DEVICE_BANDS;
                 require!(p.bands <= most, "{} bands; kernels hold {most}", p.bands);
-                require!(p.bands * p.bands == layers, "{} bands for {layers} layers", p.bands);
+                require!(p.bands * p.bands >= layers, "{} bands for {layers} layers", p.bands);
                 let triangle = u64::from(p.bands) * u64::from(p.bands + 1) / 2;
                 table = table.max(u64::from(p.harmonics_at) + 2 * triangle);
             }
@@ -471,6 +480,7 @@ mod tests {
             emission: None,
             emission_color: None,
             in_scatter: None,
+            scattered: None,
             light_depth: None,
             occupancy: None,
             lights: Some(Buf::new(ResourceId(1), 2)),

@@ -5,8 +5,10 @@
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
 mod accumulate;
+mod coarsen;
 mod examples;
 mod grid;
+mod illuminate;
 mod inject;
 mod march;
 mod project;
@@ -15,12 +17,15 @@ mod reduce;
 mod relight;
 mod shade;
 mod shadow;
+mod sweep;
 mod trace;
 mod upsample;
 
 pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
+pub use coarsen::{Coarsen, CoarsenParams};
 pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
+pub use illuminate::{Illuminate, IlluminateParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use project::{Project, ProjectParams};
@@ -29,6 +34,7 @@ pub use reduce::{Reduce, ReduceParams};
 pub use relight::{Relight, RelightParams};
 pub use shade::{MaterialRecord, Shade, ShadeParams};
 pub use shadow::{Shadow, ShadowParams, surface_shadow};
+pub use sweep::{Sweep, SweepDirection, SweepParams};
 pub use trace::{MeshRecord, Trace, TraceParams};
 pub use upsample::{Upsample, UpsampleParams};
 
@@ -103,6 +109,12 @@ pub enum Stage {
     Upsample(Upsample),
     /// The mean of the medium over the pictures of a sequence.
     Accumulate(Accumulate),
+    /// What a medium does to light, over the cells of a coarse grid.
+    Coarsen(Coarsen),
+    /// Moments of the unscattered light of analytic lights.
+    Illuminate(Illuminate),
+    /// Light along many directions, each cell's from its neighbours upwind.
+    Sweep(Sweep),
 }
 
 macro_rules! each {
@@ -119,6 +131,9 @@ macro_rules! each {
             Stage::Shadow($stage) => $value,
             Stage::Upsample($stage) => $value,
             Stage::Accumulate($stage) => $value,
+            Stage::Coarsen($stage) => $value,
+            Stage::Illuminate($stage) => $value,
+            Stage::Sweep($stage) => $value,
         }
     };
 }
@@ -129,7 +144,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 11] = [
+    pub const NAMES: [&'static str; 14] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -141,6 +156,9 @@ impl Stage {
         Shadow::NAME,
         Upsample::NAME,
         Accumulate::NAME,
+        Coarsen::NAME,
+        Illuminate::NAME,
+        Sweep::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -193,6 +211,9 @@ impl Stage {
             Self::Shadow(stage) => stage.passes(turns)?.into_iter().map(Self::Shadow).collect(),
             Self::Upsample(stage) => stage.passes(turns)?.into_iter().map(Self::Upsample).collect(),
             Self::Accumulate(stage) => stage.passes(turns)?.into_iter().map(Self::Accumulate).collect(),
+            Self::Coarsen(stage) => stage.passes(turns)?.into_iter().map(Self::Coarsen).collect(),
+            Self::Illuminate(stage) => stage.passes(turns)?.into_iter().map(Self::Illuminate).collect(),
+            Self::Sweep(stage) => stage.passes(turns)?.into_iter().map(Self::Sweep).collect(),
         })
     }
 

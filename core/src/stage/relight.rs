@@ -30,10 +30,10 @@ kernel_struct! {
         emission_coefficients: U32,
         /// Weight of E\[0\] where there is one layer.
         emission_weight: F32,
+        /// 1 where records are planes of a value a cell, as [`Sweep`](super::Sweep) may leave them; 0 where a cell's lie together.
+        planar: U32,
         /// Unused.
-        unused_0: U32,
-        /// Unused.
-        unused_1: U32,
+        unused: U32,
     }
 }
 
@@ -42,7 +42,7 @@ kernel_struct! {
 pub struct Relight {
     /// Parameters.
     pub params: RelightParams,
-    /// D, laid out \[cell\]\[coefficient\]\[channel\].
+    /// D, laid out \[cell\]\[coefficient\]\[channel\], or \[coefficient\]\[channel\]\[cell\].
     pub records: Buf<f32>,
     /// E, laid out \[cell\]\[coefficient\]\[RGB\].
     pub emission_records: Option<Buf<f32>>,
@@ -64,7 +64,11 @@ impl Kernel for Relight {
         let record = u64::from(p.coefficients) * u64::from(p.channels);
         let emission = u64::from(p.emission_coefficients) * 3;
         vec![
-            Binding::read("records", Some(self.records)).in_parts::<f32>(record),
+            if p.planar == 1 {
+                Binding::read("records", Some(self.records))
+            } else {
+                Binding::read("records", Some(self.records)).in_parts::<f32>(record)
+            },
             Binding::read("emission_records", self.emission_records).in_parts::<f32>(emission),
             Binding::read("light", Some(self.light)),
             Binding::write("in_scatter", Some(self.out)).in_parts::<[f32; 4]>(p.layers.into()),

@@ -2,7 +2,7 @@
 
 use airlight_core::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
-    Quality, Records, Scheme, Shadow, SurfaceShadow,
+    Orders, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 
 use super::error::Fault;
@@ -56,26 +56,43 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
     if let Some(field) = table.get("lights") {
         estimate.lights = lights(&field)?;
     }
-    if let Some(field) = table.wanted("scattering") {
-        let (kind, options) = field.kinds(Some("sweeps"), &[SWEEPS, NONE])?;
-        if kind != "none" {
-            return Err(unbuilt(&field, kind, &options, "leave it out for single scattering")?);
-        }
+    if let Some(field) = table.get("scattering") {
+        estimate.scattering = scattering(&field)?;
     }
     Ok(estimate)
+}
+
+fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
+    if field.is_none() {
+        return Ok(None);
+    }
+    let (kind, table) = field.kinds(Some("sweeps"), &[SWEEPS, NONE])?;
+    if kind == "none" {
+        return Ok(None);
+    }
+    let default = Sweeps::default();
+    let tolerance = table.or("tolerance", None, |f| {
+        f.number_where("above 0 and below 1", |v| v > 0.0 && v < 1.0).map(|v| Some(v as f32))
+    })?;
+    let converged = Orders::Converged { tolerance: tolerance.unwrap_or(Orders::TOLERANCE) };
+    let orders = table.or("orders", converged, |f| match f.text() {
+        Ok("converged") => Ok(converged),
+        Ok(_) => Err(f.wrong(&format!("it must be \"converged\" or a whole number from 1 to {}", Orders::MAX))),
+        Err(_) if tolerance.is_some() => Err(f.error("a number of orders needs no tolerance; give one of them")),
+        Err(_) => f.whole(1..=Orders::MAX).map(Orders::Count),
+    })?;
+    Ok(Some(ScatteringEstimate::Sweeps(Sweeps {
+        cells: table.or("cells", default.cells, |f| f.whole(1..=Sweeps::MAX_CELLS))?,
+        bands: table.or("bands", default.bands, |f| f.whole(1..=Records::MAX_BANDS))?,
+        directions: table.or("directions", default.directions, |f| f.whole(12..=12 * Records::MAX_NSIDE.pow(2)))?,
+        orders,
+    })))
 }
 
 /// The error for an estimator that is not built; its options are checked first.
 fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
     let positive = Shape::POSITIVE;
     let shapes: &[(&str, Shape)] = match kind {
-        "sweeps" => &[
-            ("cells", Shape::Whole(1, 4096)),
-            ("bands", Shape::Whole(1, Records::MAX_BANDS)),
-            ("directions", Shape::Whole(12, 12 * Records::MAX_NSIDE * Records::MAX_NSIDE)),
-            ("orders", Shape::WholeOr(1, 100_000, "converged")),
-            ("tolerance", positive),
-        ],
         "transfer" => &[
             ("file", Shape::Text),
             ("cells", Shape::Whole(1, 4096)),
@@ -111,7 +128,6 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
         return Ok(None);
     }
     let default = Records::default();
-    table.or("solver", (), |f| f.choice(&[("march", Some(())), ("sweep", None)]))?;
     table.or("window", (), |f| f.choice(&[("none", Some(())), ("hanning", None), ("lanczos", None)]))?;
     table.or("basis", (), |f| f.choice(&[("sh", Some(())), ("dsf", None), ("srbf", None)]))?;
     if let Some(field) = table.wanted("extract_sun") {
@@ -125,14 +141,22 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
         ("transmittance", Some(Content::Transmittance)),
         ("phase", Some(Content::Phase)),
     ];
+    let content = table.or("content", default.content, |f| f.choice(&contents))?;
+    // What sweeps do not know is marched, unless the scene says otherwise.
+    let solver = match (content, table.wanted("elimination")) {
+        (Content::Phase, _) | (_, Some(_)) => Solver::March,
+        _ => default.solver,
+    };
+    let solvers = [("sweep", Some(Solver::Sweep)), ("march", Some(Solver::March))];
     let interpolations = [("trilinear", Some(Interpolation::Trilinear)), ("nearest", Some(Interpolation::Nearest))];
     Ok(Some(EnvironmentEstimate::Records(Records {
         cells: table.or("cells", default.cells, |f| f.whole(1..=Records::MAX_CELLS))?,
         bands: table.or("bands", default.bands, |f| f.whole(1..=Records::MAX_BANDS))?,
         directions: table.or("directions", default.directions, |f| f.whole(12..=12 * Records::MAX_NSIDE.pow(2)))?,
-        content: table.or("content", default.content, |f| f.choice(&contents))?,
+        content,
         interpolation: table.or("interpolation", default.interpolation, |f| f.choice(&interpolations))?,
         elimination: table.or("elimination", default.elimination, |f| elimination(&f))?,
+        solver: table.or("solver", solver, |f| f.choice(&solvers))?,
     })))
 }
 

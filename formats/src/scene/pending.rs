@@ -11,8 +11,6 @@ pub(super) enum Shape {
     Number(&'static str, fn(f64) -> bool),
     Whole(u32, u32),
     OneOf(&'static [&'static str]),
-    /// A whole number in this range, or this word.
-    WholeOr(u32, u32, &'static str),
 }
 
 impl Shape {
@@ -38,10 +36,5 @@ fn value(field: &Field<'_>, shape: Shape) -> Result<(), Fault> {
             let words: Vec<_> = words.iter().map(|w| (*w, Some(()))).collect();
             field.choice(&words)
         }
-        Shape::WholeOr(low, high, word) => match field.text() {
-            Ok(text) if text == word => Ok(()),
-            Ok(_) => Err(field.wrong(&format!("it must be \"{word}\" or a whole number from {low} to {high}"))),
-            Err(_) => field.whole(low..=high).map(drop),
-        },
     }
 }

@@ -6,7 +6,7 @@ use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
-    Quality, Records, Scheme, Shadow, SurfaceShadow,
+    Quality, Records, Scheme, Shadow, Solver, SurfaceShadow,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -157,6 +157,7 @@ fn every_key_that_is_built_arrives() {
         content: Content::Phase,
         interpolation: Interpolation::Nearest,
         elimination: Elimination::Probes(5),
+        solver: Solver::March,
     };
     assert_eq!(scene.estimate.environment, Some(EnvironmentEstimate::Records(records)));
     assert_eq!(

@@ -1,0 +1,329 @@
+//! `sweep`: light along many directions at the cells of a coarse grid, each from its neighbours upwind.
+
+use std::ops::Range;
+
+use airlight_core::device::DeviceError;
+use airlight_core::stage::{Sweep, SweepDirection, SweepParams};
+use rayon::prelude::*;
+
+use super::segment::segment;
+use crate::Isa;
+use crate::device::Memory;
+use crate::isa::compiled_for;
+use crate::packet::{F, LANES, lanes};
+
+/// Cells whose moments one task adds up: few enough that the radiance of all directions stays in the cache.
+const CHUNK: usize = 512;
+
+struct Inputs<'a> {
+    p: &'a SweepParams,
+    optics: &'a [f32],
+    directions: &'a [SweepDirection],
+    sources: &'a [f32],
+    source_weights: &'a [f32],
+    weights: &'a [f32],
+}
+
+/// A plane of cells with what they send on, in rows along the first of its axes. Around it lies a border of one cell of
+/// what stands beyond, and behind each row's start and end a packet's room.
+struct Plane {
+    /// Floats of a row, and of all rows.
+    pitch: usize,
+    size: usize,
+    /// Cells of a row, and rows.
+    cells: [usize; 2],
+    radiance: Vec<f32>,
+    extinction: Vec<f32>,
+    source: Vec<f32>,
+    emission: Vec<f32>,
+}
+
+pub(crate) fn run(stage: &Sweep, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
+    memory.take(stage.radiance)?;
+    memory.take(stage.moments)?;
+    let (mut out, read) = memory.split();
+    let p = &stage.params;
+    let inputs = Inputs {
+        p,
+        optics: read.buf(stage.optics)?,
+        directions: &read.buf(stage.directions)?[..p.directions as usize],
+        sources: read.opt(stage.sources)?,
+        source_weights: read.opt(stage.source_weights)?,
+        weights: read.buf(stage.weights)?,
+    };
+    let moments: &mut [f32] = bytemuck::cast_slice_mut(out.remove(1));
+    let radiance: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
+    let each = p.count() as usize * p.channels as usize;
+    let mut at = range.start;
+    while at < range.end {
+        let (batch, step) = (at / p.batch_steps(), at % p.batch_steps());
+        let first = (batch * p.batch) as usize;
+        let count = inputs.directions.len().min(first + p.batch as usize) - first;
+        if step == p.cells[3] {
+            gathered(&inputs, &radiance[..count * each], first, isa, moments);
+            at += 1;
+            continue;
+        }
+        let steps = step..p.cells[3].min(step + range.end - at);
+        at += steps.end - steps.start;
+        radiance.par_chunks_exact_mut(each).take(count).enumerate().for_each(|(n, light)| {
+            let (inputs, direction, steps) = (&inputs, first + n, steps.clone());
+            compiled_for!(
+                isa,
+                sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [f32])
+            );
+        });
+    }
+    Ok(())
+}
+
+/// The moments of a batch whose first direction is `first`, over tasks of some cells each.
+fn gathered(inputs: &Inputs<'_>, radiance: &[f32], first: usize, isa: Isa, moments: &mut [f32]) {
+    let p = inputs.p;
+    let (cells, values) = (p.count() as usize, (p.coefficients * p.moment_channels()) as usize);
+    let moments = &mut moments[..cells * values];
+    if p.planar == 1 {
+        let parts = moments.chunks_exact_mut(cells).enumerate();
+        let parts: Vec<_> = parts
+            .flat_map(|(v, plane)| plane.chunks_mut(CHUNK).enumerate().map(move |(n, part)| (v, n, part)))
+            .collect();
+        parts.into_par_iter().for_each(|(value, n, sums)| {
+            let start = n * CHUNK;
+            compiled_for!(
+                isa,
+                gather(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32])
+            );
+        });
+        return;
+    }
+    moments.par_chunks_mut(CHUNK * values).enumerate().for_each(|(n, records)| {
+        let mut sums = vec![0.0; records.len() / values];
+        for value in 0..values {
+            sums.iter_mut().zip(records.chunks_exact(values)).for_each(|(sum, record)| *sum = record[value]);
+            let (sums, start) = (&mut sums[..], n * CHUNK);
+            compiled_for!(
+                isa,
+                gather(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32])
+            );
+            records.chunks_exact_mut(values).zip(&*sums).for_each(|(record, sum)| record[value] = *sum);
+        }
+    });
+}
+
+impl Plane {
+    fn new(p: &SweepParams, axis: usize) -> Self {
+        let [b, c] = SweepDirection::others(axis);
+        let cells = [b, c].map(|a| p.cells[a] as usize);
+        let pitch = cells[0].next_multiple_of(LANES) + 2 * LANES;
+        let size = pitch * (cells[1] + 2);
+        let room = |planes: u32| vec![0.0; size * planes as usize];
+        Self {
+            pitch,
+            size,
+            cells,
+            radiance: room(p.channels),
+            extinction: room(if p.grey == 1 { 1 } else { p.channels }),
+            source: room(p.channels),
+            emission: room(p.channels * p.emits),
+        }
+    }
+
+    /// Where cell (0, `row`) lies.
+    #[inline(always)]
+    fn row(&self, row: usize) -> usize {
+        (row + 1) * self.pitch + LANES
+    }
+
+    /// Takes plane `plane` of a direction: what its cells hold, and their radiance where it is there.
+    #[inline(always)]
+    fn load(&mut self, inputs: &Inputs<'_>, direction: usize, plane: usize, light: Option<&[f32]>) {
+        let p = inputs.p;
+        let way = &inputs.directions[direction];
+        let (cells, axis) = (p.count() as usize, way.axis as usize);
+        let pitch = [1, p.cells[0] as usize, (p.cells[0] * p.cells[1]) as usize];
+        let [b, c] = SweepDirection::others(axis);
+        for row in 0..self.cells[1] {
+            let (from, to, count) = (plane * pitch[axis] + row * pitch[c], self.row(row), self.cells[0]);
+            let take = |out: &mut [f32], size: usize, all: &[f32], first: usize| {
+                for (part, values) in out.chunks_exact_mut(size).zip(all[first * cells..].chunks_exact(cells)) {
+                    copy(&mut part[to..to + count], &values[from..], pitch[b]);
+                }
+            };
+            take(&mut self.extinction, self.size, inputs.optics, 0);
+            take(&mut self.emission, self.size, inputs.optics, 6);
+            if let Some(light) = light {
+                take(&mut self.radiance, self.size, light, 0);
+            }
+            if p.source_coefficients > 0 {
+                for channel in 0..p.channels as usize {
+                    let out = &mut self.source[channel * self.size + to..][..count];
+                    source(inputs, direction, channel, [from, pitch[b]], out);
+                }
+            }
+        }
+        for part in self.extinction.chunks_exact_mut(self.size).chain(self.emission.chunks_exact_mut(self.size)) {
+            border(part, self.pitch, self.cells, Some(0.0));
+        }
+        for part in self.source.chunks_exact_mut(self.size) {
+            border(part, self.pitch, self.cells, None);
+        }
+    }
+}
+
+/// A row out of memory whose values lie `stride` apart.
+#[inline(always)]
+fn copy(out: &mut [f32], from: &[f32], stride: usize) {
+    if stride == 1 {
+        out.copy_from_slice(&from[..out.len()]);
+    } else {
+        out.iter_mut().zip(from.iter().step_by(stride)).for_each(|(out, from)| *out = *from);
+    }
+}
+
+/// Fills the border of a plane: with a value, or with the cells beside it.
+#[inline(always)]
+fn border(part: &mut [f32], pitch: usize, [count, rows]: [usize; 2], value: Option<f32>) {
+    for row in 1..=rows {
+        let first = row * pitch + LANES;
+        part[first - 1] = value.unwrap_or(part[first]);
+        part[first + count] = value.unwrap_or(part[first + count - 1]);
+    }
+    for (to, from) in [(0, 1), (rows + 1, rows)] {
+        match value {
+            Some(value) => part[to * pitch..(to + 1) * pitch].fill(value),
+            None => part.copy_within(from * pitch..(from + 1) * pitch, to * pitch),
+        }
+    }
+}
+
+/// Some steps of a direction.
+#[inline(always)]
+fn sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [f32]) {
+    let p = inputs.p;
+    let way = &inputs.directions[direction];
+    let cells = [p.cells[0], p.cells[1], p.cells[2]];
+    let (mut before, mut here) = (Plane::new(p, way.axis as usize), Plane::new(p, way.axis as usize));
+    // Beyond the box.
+    before.radiance.fill(p.boundary);
+    for step in steps.clone() {
+        let Some(plane) = way.plane(cells, step) else { break };
+        if step > 0 && step == steps.start {
+            let last = way.plane(cells, step - 1).unwrap_or(plane);
+            before.load(inputs, direction, last as usize, Some(light));
+            for part in before.radiance.chunks_exact_mut(before.size) {
+                border(part, before.pitch, before.cells, Some(p.boundary));
+            }
+        }
+        here.load(inputs, direction, plane as usize, None);
+        advance(inputs, way, step == 0, &before, &mut here);
+        let (count, axis) = (p.count() as usize, way.axis as usize);
+        let pitch = [1, p.cells[0] as usize, (p.cells[0] * p.cells[1]) as usize];
+        let [b, c] = SweepDirection::others(axis);
+        for (part, out) in here.radiance.chunks_exact(here.size).zip(light.chunks_exact_mut(count)) {
+            for row in 0..here.cells[1] {
+                let values = &part[here.row(row)..][..here.cells[0]];
+                let out = &mut out[plane as usize * pitch[axis] + row * pitch[c]..];
+                if pitch[b] == 1 {
+                    out[..values.len()].copy_from_slice(values);
+                } else {
+                    out.iter_mut().step_by(pitch[b]).zip(values).for_each(|(out, value)| *out = *value);
+                }
+            }
+        }
+        for part in here.radiance.chunks_exact_mut(here.size) {
+            border(part, here.pitch, here.cells, Some(p.boundary));
+        }
+        std::mem::swap(&mut before, &mut here);
+    }
+}
+
+/// Radiance of the plane `here` from the one `before`, which lies beyond the box where `first`.
+#[inline(always)]
+fn advance(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, before: &Plane, here: &mut Plane) {
+    let p = inputs.p;
+    let [b, c] = SweepDirection::others(way.axis as usize);
+    let on = |axis: usize, by: usize| if way.down >> axis & 1 == 1 { by.wrapping_neg() } else { by };
+    let (across, down) = (on(b, 1), on(c, here.pitch));
+    let (f, g) = (way.first, way.second);
+    let weights = [(1.0 - f) * (1.0 - g), f * (1.0 - g), (1.0 - f) * g, f * g];
+    let size = here.size;
+    let around = [0, across, down, across.wrapping_add(down)];
+    for row in 0..here.cells[1] {
+        let start = here.row(row);
+        for at in (start..start + here.cells[0]).step_by(LANES) {
+            let (mut e, mut mean, mut tau) = (F::ZERO, F::ZERO, F::ZERO);
+            for channel in 0..p.channels as usize {
+                let part = channel * size;
+                if channel == 0 || p.grey == 0 {
+                    let extinction =
+                        load(&here.extinction[part..], at) + mix(&before.extinction[part..], at, around, weights);
+                    tau = extinction * (0.5 * way.length);
+                    (e, mean) = segment(tau);
+                }
+                let mut light = e * mix(&before.radiance[part..], at, around, weights);
+                if p.source_coefficients > 0 {
+                    let own = load(&here.source[part..], at);
+                    let upwind = if first { own } else { mix(&before.source[part..], at, around, weights) };
+                    light = light + own * (tau * mean) + (upwind - own) * (mean - e);
+                }
+                if p.emits == 1 {
+                    let emission =
+                        load(&here.emission[part..], at) + mix(&before.emission[part..], at, around, weights);
+                    light = light + mean * (0.5 * way.length) * emission;
+                }
+                here.radiance[part + at..][..LANES].copy_from_slice(&light.0);
+            }
+        }
+    }
+}
+
+/// Between the four cells around Y.
+#[inline(always)]
+fn mix(values: &[f32], at: usize, around: [usize; 4], weights: [f32; 4]) -> F {
+    let mut sum = F::ZERO;
+    for i in 0..4 {
+        sum = sum + load(values, at.wrapping_add(around[i])) * weights[i];
+    }
+    sum
+}
+
+#[inline(always)]
+fn load(values: &[f32], at: usize) -> F {
+    let values = &values[at..at + LANES];
+    F(lanes!(i => values[i]))
+}
+
+/// The source function of a row of cells, from the first on, `stride` apart.
+#[inline(always)]
+fn source(inputs: &Inputs<'_>, direction: usize, channel: usize, [first, stride]: [usize; 2], out: &mut [f32]) {
+    let p = inputs.p;
+    let (cells, count) = (p.count() as usize, p.source_coefficients as usize);
+    let weights = &inputs.source_weights[direction * count..][..count];
+    out.fill(0.0);
+    for (k, weight) in weights.iter().enumerate() {
+        let moments = &inputs.sources[(k * p.channels as usize + channel) * cells + first..];
+        if stride == 1 {
+            out.iter_mut().zip(moments).for_each(|(out, moment)| *out += weight * moment);
+        } else {
+            out.iter_mut().zip(moments.iter().step_by(stride)).for_each(|(out, moment)| *out += weight * moment);
+        }
+    }
+    let albedo = &inputs.optics[(3 + channel) * cells + first..];
+    out.iter_mut().zip(albedo.iter().step_by(stride)).for_each(|(out, albedo)| *out *= albedo);
+}
+
+/// One value of the moments of some cells from `start` on: what the batches before left, and the directions of this one.
+#[inline(always)]
+fn gather(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32]) {
+    let p = inputs.p;
+    let (cells, channels, of) = (p.count() as usize, p.channels as usize, p.weight_channels as usize);
+    let (k, c) = (value / p.moment_channels() as usize, value % p.moment_channels() as usize);
+    if first == 0 {
+        sums.fill(0.0);
+    }
+    for (n, light) in radiance.chunks_exact(cells * channels).enumerate() {
+        let weight = inputs.weights[((first + n) * p.coefficients as usize + k) * of + c.min(of - 1)];
+        let light = &light[c.min(channels - 1) * cells + start..][..sums.len()];
+        sums.iter_mut().zip(light).for_each(|(sum, light)| *sum += weight * light);
+    }
+}

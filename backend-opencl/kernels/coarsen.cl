@@ -1,0 +1,68 @@
+// `coarsen`: what a medium does to light, as means over the cells of a coarse grid. One work-item a cell.
+
+float share(float begin, float end, uint i);
+
+void run_coarsen(const Bound *bound) {
+    size_t n = number();
+    if (n >= bound->launch->count) {
+        return;
+    }
+    uint index = bound->launch->start + (uint)n;
+    uint3 cells = bound->params->cells.xyz;
+    uint3 cell = (uint3)(index % cells.x, index / cells.x % cells.y, index / cells.x / cells.y);
+    float3 side = bound->params->cell.xyz;
+    float3 begin = convert_float3(cell) * side;
+    float3 end = convert_float3(cell + 1u) * side;
+    uint3 size = bound->params->dims.xyz;
+    uint3 lo = min(convert_uint3(floor(begin)), size - 1u);
+    uint3 hi = clamp(convert_uint3(ceil(end)), (uint3)(1u), size) - 1u;
+    float density = 0.0f;
+    float3 scatters = (float3)(0.0f);
+    float3 shines = (float3)(0.0f);
+    for (uint k = lo.z; k <= hi.z; k++) {
+        for (uint j = lo.y; j <= hi.y; j++) {
+            for (uint i = lo.x; i <= hi.x; i++) {
+                float w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
+                int3 at = convert_int3((uint3)(i, j, k));
+                float rho = texel_density(bound, at, convert_int3(size), 0);
+                float3 own = (float3)(rho);
+                float3 glow = (float3)(rho);
+                if (has_scattering) {
+                    own = texel_scattering(bound, at, convert_int3(size), 0).xyz;
+                }
+                if (has_emission_color) {
+                    glow = texel_emission_color(bound, at, convert_int3(size), 0).xyz;
+                } else if (has_emission_density) {
+                    glow = (float3)(texel_emission_density(bound, at, convert_int3(size), 0));
+                }
+                density += w * rho;
+                scatters += w * own;
+                shines += w * glow;
+            }
+        }
+    }
+    float3 within = max(min(end, convert_float3(size)) - begin, (float3)(0.0f));
+    // A cell holds a part of a voxel at the least, but its sides are rounded.
+    float volume = max(within.x * within.y * within.z, 1e-30f);
+    float on = bound->params->emission.w;
+    float3 albedo = bound->params->albedo.xyz;
+    float3 scattering = scatters / volume * bound->params->extinction.xyz * albedo;
+    float3 extinction = max(density / volume * bound->params->extinction.xyz - on * scattering, (float3)(0.0f));
+    float3 thin = (1.0f - on) * albedo / (1.0f - on * albedo);
+    float3 similar = extinction > (float3)(0.0f) ? (1.0f - on) * scattering / extinction : thin;
+    float3 glow = shines / volume * bound->params->emission.xyz;
+    size_t count = (size_t)cells.x * cells.y * cells.z;
+    float extinctions[3] = {extinction.x, extinction.y, extinction.z};
+    float albedos[3] = {similar.x, similar.y, similar.z};
+    float glows[3] = {glow.x, glow.y, glow.z};
+    for (uint c = 0u; c < 3u; c++) {
+        bound->optics[c * count + index] = extinctions[c];
+        bound->optics[(3u + c) * count + index] = albedos[c];
+        bound->optics[(6u + c) * count + index] = glows[c];
+    }
+}
+
+// The part of voxel `i` that lies between two places; voxel i fills i to i + 1.
+float share(float begin, float end, uint i) {
+    return max(min(end, (float)i + 1.0f) - max(begin, (float)i), 0.0f);
+}

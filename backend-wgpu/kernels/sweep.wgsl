@@ -1,0 +1,119 @@
+// `sweep`: light along many directions at the cells of a coarse grid, each from its neighbours upwind. A dispatch is one
+// step; one invocation a cell of a plane of one direction, or a coefficient of a cell's moments.
+
+@compute @workgroup_size(64)
+fn sweep(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let item = number(id) * 64u + lane;
+    if item >= launch.count {
+        return;
+    }
+    let steps = params.cells.w + 1u;
+    let step = launch.start % steps;
+    let first = launch.start / steps * params.batch;
+    let count = min(params.batch, params.directions - first);
+    if step == params.cells.w {
+        gather(item, first, count);
+    } else if item / params.plane < count {
+        advance(item / params.plane, first, step, item % params.plane);
+    }
+}
+
+// Radiance of cell `item` of the plane that a step finishes, of direction `n` of the batch that begins with `first`.
+fn advance(n: u32, first: u32, step: u32, item: u32) {
+    let direction = first + n;
+    let way = directions[direction];
+    let axis = way.axis;
+    let b = select(0u, 1u, axis == 0u);
+    let c = select(2u, 1u, axis == 2u);
+    let cells = params.cells;
+    if step >= cells[axis] || item >= cells[b] * cells[c] {
+        return;
+    }
+    let falls = vec3<u32>(way.down, way.down >> 1u, way.down >> 2u) % 2u == vec3<u32>(1u);
+    let hop = select(vec3<i32>(1), vec3<i32>(-1), falls);
+    var at = vec3<i32>(0);
+    at[axis] = i32(select(cells[axis] - 1u - step, step, falls[axis]));
+    at[b] = i32(item % cells[b]);
+    at[c] = i32(item / cells[b]);
+    let count = cells.x * cells.y * cells.z;
+    let cell = (u32(at.z) * cells.y + u32(at.y)) * cells.x + u32(at.x);
+    var tau = 0.0;
+    var piece = vec2<f32>(0.0);
+    for (var channel = 0u; channel < params.channels; channel++) {
+        var extinction = 0.0;
+        var emission = 0.0;
+        var arriving = 0.0;
+        var upwind = 0.0;
+        for (var i = 0; i < 4; i++) {
+            var to = at;
+            to[axis] += hop[axis];
+            to[b] += hop[b] * (i % 2);
+            to[c] += hop[c] * (i / 2);
+            let weight = select(1.0 - way.first, way.first, i % 2 == 1) * select(1.0 - way.second, way.second, i / 2 == 1);
+            // The cell of that plane that is nearest, or this one where the plane lies beyond the box.
+            let near = clamp(to, vec3<i32>(0), vec3<i32>(cells.xyz) - 1);
+            let near_cell = select((u32(near.z) * cells.y + u32(near.y)) * cells.x + u32(near.x), cell, step == 0u);
+            if all(near == to) {
+                extinction += weight * optics[channel * count + near_cell];
+                emission += weight * optics[(6u + channel) * count + near_cell];
+                arriving += weight * radiance[(n * params.channels + channel) * count + near_cell];
+            } else {
+                arriving += weight * params.boundary;
+            }
+            if params.source_coefficients > 0u {
+                upwind += weight * source(direction, channel, near_cell);
+            }
+        }
+        if channel == 0u || params.grey == 0u {
+            tau = (optics[channel * count + cell] + extinction) * (0.5 * way.length);
+            piece = segment(tau);
+        }
+        var light = piece.x * arriving;
+        if params.source_coefficients > 0u {
+            let own = source(direction, channel, cell);
+            light += own * (tau * piece.y) + (upwind - own) * (piece.y - piece.x);
+        }
+        if params.emits == 1u {
+            light += piece.y * (0.5 * way.length) * (optics[(6u + channel) * count + cell] + emission);
+        }
+        radiance[(n * params.channels + channel) * count + cell] = light;
+    }
+}
+
+// The source function of a cell.
+fn source(direction: u32, channel: u32, cell: u32) -> f32 {
+    let count = params.cells.x * params.cells.y * params.cells.z;
+    var sum = 0.0;
+    for (var k = 0u; k < params.source_coefficients; k++) {
+        let moment = sources[(k * params.channels + channel) * count + cell];
+        sum += source_weights[direction * params.source_coefficients + k] * moment;
+    }
+    return sum * optics[(3u + channel) * count + cell];
+}
+
+// A coefficient of a cell's moments: what the batches before left, and the `taken` directions of this one from `first` on.
+fn gather(item: u32, first: u32, taken: u32) {
+    let count = params.cells.x * params.cells.y * params.cells.z;
+    let cell = item % count;
+    let k = item / count;
+    if k >= params.coefficients {
+        return;
+    }
+    let channels = max(params.channels, params.weight_channels);
+    for (var c = 0u; c < channels; c++) {
+        var place = (k * channels + c) * count + cell;
+        if params.planar == 0u {
+            place = (cell * params.coefficients + k) * channels + c;
+        }
+        var sum = 0.0;
+        if first > 0u {
+            sum = moments[place];
+        }
+        for (var n = 0u; n < taken; n++) {
+            let weight = ((first + n) * params.coefficients + k) * params.weight_channels + min(c, params.weight_channels - 1u);
+            let light = (n * params.channels + min(c, params.channels - 1u)) * count + cell;
+            sum += weights[weight] * radiance[light];
+        }
+        moments[place] = sum;
+    }
+}
