@@ -2,6 +2,7 @@
 // step; one work-item a cell of a plane of one direction, or a coefficient of a cell's moments.
 
 void advance(const Bound *bound, uint n, uint first, uint step, uint item);
+float leaning(float tau, float2 piece);
 float source(const Bound *bound, uint direction, uint channel, uint cell);
 void gather(const Bound *bound, uint item, uint first, uint taken);
 
@@ -83,13 +84,22 @@ void advance(const Bound *bound, uint n, uint first, uint step, uint item) {
         float light = piece.x * arriving;
         if (bound->params->source_coefficients > 0u) {
             float own = source(bound, direction, channel, (uint)cell);
-            light += own * (tau * piece.y) + (upwind - own) * (piece.y - piece.x);
+            light += own * (tau * piece.y) + (upwind - own) * leaning(tau, piece);
         }
         if (bound->params->emits == 1u) {
             light += piece.y * (0.5f * way.length) * (bound->optics[(6u + channel) * count + cell] + emission);
         }
         bound->radiance[(n * channels + channel) * count + cell] = light;
     }
+}
+
+// The integral of s exp(-s) from 0 to tau over tau, what of a source at Y arrives where that at X is zero: by its series
+// where tau is small.
+float leaning(float tau, float2 piece) {
+    if (tau < 0.05f) {
+        return (((tau * (-1.0f / 30.0f) + 1.0f / 8.0f) * tau - 1.0f / 3.0f) * tau + 0.5f) * tau;
+    }
+    return piece.y - piece.x;
 }
 
 // The source function of a cell.

