@@ -54,14 +54,14 @@ pub(crate) fn cases() -> Vec<Case> {
     ];
     all.extend(multiple().into_iter().map(|picture| {
         let settings = picture.settings.clone();
-        let (name, file) = (format!("scattering::{}", picture.name), picture.file);
+        let (name, file, tolerance) = (format!("scattering::{}", picture.name), picture.file, picture.tolerance);
         let checks = format!("All orders ({settings}) give {file}, over blocks of 8 × 8 pixels.");
         Case::new(name, checks, move |subject, record| {
             let (found, expected) = picture.blocks(subject)?;
             record.hold("blocks", found, expected);
             Ok(())
         })
-        .within(picture.tolerance)
+        .within(tolerance)
     }));
     all
 }
@@ -104,7 +104,7 @@ fn scattering(optics: Optics, environment: Option<Environment>) -> Scene {
 }
 
 /// Pixels through which something of the medium is seen.
-const SEEN: f32 = 0.05;
+const SEEN: f32 = 0.01;
 
 /// Holds radiance to alpha, as in a furnace of radiance 1.
 fn hold_white(subject: &Subject, record: &mut Record, scene: &Scene) -> Result<(), Failed> {

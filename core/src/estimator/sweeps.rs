@@ -309,7 +309,7 @@ impl<'a> Setup<'a> {
     fn solve(&self, optics: Buf<f32>, parts: Vec<Part>, plan: &mut Plan<'a>) -> Buf<f32> {
         let source = plan.input("scattered light", self.values());
         let weights = self.source_weights();
-        let source_weights = plan.table("scattering weights", weights);
+        let source_weights = plan.table("scattering sources", weights);
         let of = Carried {
             sources: Some((source, source_weights, self.coefficients())),
             ..self.carried("scattering", optics, self.forward, plan)

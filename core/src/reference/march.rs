@@ -48,7 +48,7 @@ pub struct MarchInputs<'a> {
 /// # Panics
 /// More bands than [`SphericalHarmonics`] has.
 pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
-    let bands = if params.cells[3] > 1 { params.bands } else { 1 };
+    let bands = if params.cells[3].max(params.scattered_cells[3]) > 1 { params.bands } else { 1 };
     let harmonics = SphericalHarmonics::new(bands).expect("bands that spherical harmonics have");
     let mut film = Vec::new();
     for y in 0..params.height {
