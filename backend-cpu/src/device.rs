@@ -181,6 +181,7 @@ impl Device for CpuDevice {
             Stage::Coarsen(stage) => kernels::coarsen::run(stage, part, &mut memory),
             Stage::Illuminate(stage) => kernels::illuminate::run(stage, part, &mut memory, isa),
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
+            Stage::Obstruct(stage) => kernels::obstruct::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

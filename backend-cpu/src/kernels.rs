@@ -14,6 +14,7 @@ pub(crate) mod march;
 pub(crate) mod maximum;
 pub(crate) mod mesh;
 pub(crate) mod noise;
+pub(crate) mod obstruct;
 pub(crate) mod phase;
 pub(crate) mod project;
 pub(crate) mod propagate;

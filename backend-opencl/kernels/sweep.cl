@@ -3,6 +3,7 @@
 
 void advance(const Bound *bound, uint n, uint first, uint step, uint item);
 float leaning(float tau, float2 piece);
+bool obstructs(const Bound *bound, size_t cell, int x, int y, int z);
 float source(const Bound *bound, uint direction, uint channel, uint cell);
 void gather(const Bound *bound, uint item, uint first, uint taken);
 
@@ -58,6 +59,14 @@ void advance(const Bound *bound, uint n, uint first, uint step, uint item) {
             to[b] += hop[b] * (i % 2);
             to[c] += hop[c] * (i / 2);
             float weight = (i % 2 == 1 ? way.first : 1.0f - way.first) * (i / 2 == 1 ? way.second : 1.0f - way.second);
+            if (has_obstructed && obstructs(bound, cell, to[0] - at[0], to[1] - at[1], to[2] - at[2])) {
+                extinction += weight * bound->optics[channel * count + cell];
+                emission += weight * bound->optics[(6u + channel) * count + cell];
+                if (bound->params->source_coefficients > 0u) {
+                    upwind += weight * source(bound, direction, channel, (uint)cell);
+                }
+                continue;
+            }
             // The cell of that plane that is nearest, or this one where the plane lies beyond the box.
             int near[3];
             bool within = true;
@@ -100,6 +109,11 @@ float leaning(float tau, float2 piece) {
         return (((tau * (-1.0f / 30.0f) + 1.0f / 8.0f) * tau - 1.0f / 3.0f) * tau + 0.5f) * tau;
     }
     return piece.y - piece.x;
+}
+
+// Whether a surface stands between a cell and its neighbour so many cells on.
+bool obstructs(const Bound *bound, size_t cell, int x, int y, int z) {
+    return ((bound->obstructed[cell] >> (uint)((z + 1) * 9 + (y + 1) * 3 + x + 1)) & 1u) == 1u;
 }
 
 // The source function of a cell.

@@ -86,6 +86,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Coarsen(_) => (file!("coarsen.cl"), 1),
         Stage::Illuminate(_) => (file!("illuminate.cl"), 1),
         Stage::Sweep(_) => (file!("sweep.cl"), 1),
+        Stage::Obstruct(_) => (file!("obstruct.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

@@ -50,6 +50,14 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             to[b] += hop[b] * (i % 2);
             to[c] += hop[c] * (i / 2);
             let weight = select(1.0 - way.first, way.first, i % 2 == 1) * select(1.0 - way.second, way.second, i / 2 == 1);
+            if has_obstructed && obstructs(cell, to - at) {
+                extinction += weight * optics[channel * count + cell];
+                emission += weight * optics[(6u + channel) * count + cell];
+                if params.source_coefficients > 0u {
+                    upwind += weight * source(direction, channel, cell);
+                }
+                continue;
+            }
             // The cell of that plane that is nearest, or this one where the plane lies beyond the box.
             let near = clamp(to, vec3<i32>(0), vec3<i32>(cells.xyz) - 1);
             let near_cell = select((u32(near.z) * cells.y + u32(near.y)) * cells.x + u32(near.x), cell, step == 0u);
@@ -86,6 +94,12 @@ fn leaning(tau: f32, piece: vec2<f32>) -> f32 {
         return (((tau * (-1.0 / 30.0) + 1.0 / 8.0) * tau - 1.0 / 3.0) * tau + 0.5) * tau;
     }
     return piece.y - piece.x;
+}
+
+// Whether a surface stands between a cell and its neighbour so many cells on.
+fn obstructs(cell: u32, hop: vec3<i32>) -> bool {
+    let bit = vec3<u32>(hop + 1);
+    return ((obstructed[cell] >> (bit.z * 9u + bit.y * 3u + bit.x)) & 1u) == 1u;
 }
 
 // The source function of a cell.

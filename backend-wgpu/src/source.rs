@@ -99,6 +99,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Coarsen(_) => (file!("coarsen.wgsl"), 64),
         Stage::Illuminate(_) => (file!("illuminate.wgsl"), 64),
         Stage::Sweep(_) => (file!("sweep.wgsl"), 64),
+        Stage::Obstruct(_) => (file!("obstruct.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

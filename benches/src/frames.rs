@@ -9,7 +9,8 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Image, Light};
 use airlight::media::{Medium, Optics};
 use airlight::scene::{
-    Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Quality, Records, Scene, Solver,
+    Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Quality, Records, ScatteringEstimate, Scene,
+    Solver, Sweeps,
 };
 
 use crate::{View, medium};
@@ -25,12 +26,14 @@ pub enum Frame {
     RecordsDynamicMedium,
     /// A directional light with the medium's own shadow; the light moves.
     Direct,
+    /// The same with all orders of scattering.
+    Scattering,
 }
 
 impl Frame {
     /// All of them.
-    pub const ALL: [Self; 4] =
-        [Self::RecordsStatic, Self::RecordsDynamicLight, Self::RecordsDynamicMedium, Self::Direct];
+    pub const ALL: [Self; 5] =
+        [Self::RecordsStatic, Self::RecordsDynamicLight, Self::RecordsDynamicMedium, Self::Direct, Self::Scattering];
 
     /// Its name in reports.
     pub fn name(self) -> &'static str {
@@ -39,6 +42,7 @@ impl Frame {
             Self::RecordsDynamicLight => "records-dynamic-light",
             Self::RecordsDynamicMedium => "records-dynamic-medium",
             Self::Direct => "direct",
+            Self::Scattering => "scattering",
         }
     }
 
@@ -47,6 +51,7 @@ impl Frame {
         match self {
             Self::RecordsStatic | Self::Direct => &["march"],
             Self::RecordsDynamicLight => &["relight", "march"],
+            Self::Scattering => &["illuminate", "sweep", "relight", "march"],
             Self::RecordsDynamicMedium => &["reduce", "project", "relight", "reduce", "march"],
         }
     }
@@ -76,7 +81,7 @@ impl Frame {
                     }
                 }
                 Self::RecordsDynamicMedium => scene.medium = media[number as usize % 2].clone(),
-                Self::Direct => scene.lights = sun(turn).into_iter().collect(),
+                Self::Direct | Self::Scattering => scene.lights = sun(turn).into_iter().collect(),
             }
             renderer.render(&scene)
         })
@@ -90,7 +95,7 @@ pub fn scene(frame: Frame) -> Scene {
 
 /// The first frame with another medium.
 pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
-    let records = frame != Frame::Direct;
+    let records = !matches!(frame, Frame::Direct | Frame::Scattering);
     Scene {
         camera: View::new(192, 144).camera,
         medium,
@@ -111,7 +116,7 @@ pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
                     ..Records::default()
                 })
             }),
-            scattering: None,
+            scattering: (frame == Frame::Scattering).then(|| ScatteringEstimate::Sweeps(Sweeps::default())),
             lights: Some(LightsEstimate::Direct(Direct::default())),
         },
         quality: Quality::default(),

@@ -3,6 +3,7 @@
 
 mod baseline;
 mod frames;
+mod ordinates;
 pub mod papers;
 pub mod quick;
 mod stages;

@@ -19,15 +19,15 @@ use bytemuck::{Pod, Zeroable};
 use crate::{BOUNDS, DIMS, density, lattice};
 
 /// Record cells along x, y and z.
-const CELLS: [u32; 3] = [36, 24, 28];
+pub(crate) const CELLS: [u32; 3] = [36, 24, 28];
 /// 12·n² directions, with n = 2.
-const NSIDE: u32 = 2;
-const BANDS: u32 = 3;
+pub(crate) const NSIDE: u32 = 2;
+pub(crate) const BANDS: u32 = 3;
 /// Thin enough that no ray ends before the box does.
-const EXTINCTION: f32 = 0.5;
+pub(crate) const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 11] = [
+pub const STAGES: [&str; 15] = [
     "inject",
     "reduce",
     "project",
@@ -39,6 +39,10 @@ pub const STAGES: [&str; 11] = [
     "shadow",
     "accumulate",
     "upsample",
+    "coarsen",
+    "illuminate",
+    "sweep",
+    "obstruct",
 ];
 
 /// A ray of the view, in index space.
@@ -112,7 +116,7 @@ fn ray(camera: &Camera, px: f64, py: f64) -> Ray {
 /// A device with the density on it, and what stages need beside it.
 pub struct Rig {
     device: Box<dyn Device>,
-    density: Field,
+    pub(crate) density: Field,
     next: u32,
 }
 
@@ -165,6 +169,10 @@ impl Rig {
             "shadow" => (self.shadow(), "texels"),
             "accumulate" => (self.accumulate(view), "pixels"),
             "upsample" => (self.upsample(view), "pixels"),
+            "coarsen" => (self.coarsen(), "voxels"),
+            "illuminate" => (self.illuminate(), "cells"),
+            "sweep" => (self.sweep(), "cells"),
+            "obstruct" => (self.obstruct(), "cells"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };
@@ -188,7 +196,7 @@ impl Rig {
         Ok((Stage::Inject(stage), lattice.voxels()))
     }
 
-    fn make<T: Pod>(&mut self, len: u64, usage: Usage) -> Result<Buf<T>, DeviceError> {
+    pub(crate) fn make<T: Pod>(&mut self, len: u64, usage: Usage) -> Result<Buf<T>, DeviceError> {
         let id = ResourceId(self.next);
         self.next += 1;
         let buf = Buf::new(id, len);
@@ -196,7 +204,7 @@ impl Rig {
         Ok(buf)
     }
 
-    fn fill<T: Pod>(&mut self, data: &[T]) -> Result<Buf<T>, DeviceError> {
+    pub(crate) fn fill<T: Pod>(&mut self, data: &[T]) -> Result<Buf<T>, DeviceError> {
         let buf = self.make(data.len() as u64, Usage::Input)?;
         self.device.write(buf.id, 0, bytemuck::cast_slice(data))?;
         Ok(buf)
@@ -475,7 +483,7 @@ fn lamp() -> Light {
 }
 
 /// A floor of 2 n² triangles under the medium.
-fn waves(n: u32) -> Mesh {
+pub(crate) fn waves(n: u32) -> Mesh {
     let at = |i: u32, j: u32| {
         let (u, v) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
         DVec3::new(3.0 * u - 1.5, 0.1 * (9.0 * u + 14.0 * v).sin(), 3.0 * v - 1.5)
@@ -516,7 +524,7 @@ fn four(v: DVec3) -> [f32; 4] {
     v.as_vec3().extend(0.0).to_array()
 }
 
-fn count(sides: [u32; 3]) -> u64 {
+pub(crate) fn count(sides: [u32; 3]) -> u64 {
     sides.iter().map(|&n| u64::from(n)).product()
 }
 

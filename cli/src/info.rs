@@ -112,6 +112,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
         "estimate": {
             "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
+            "scattering": estimate.scattering.as_ref().map(|s| format!("{s:?}")),
         },
         "quality": {
             "step": quality.step,

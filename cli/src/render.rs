@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use airlight::Renderer;
 use airlight::device::DeviceInfo;
-use airlight::exec::{Hooks, Progress, Rendered};
-use airlight::scene::{EnvironmentEstimate, LightsEstimate, Scene};
+use airlight::exec::{Hooks, Progress, Rendered, Solved};
+use airlight::scene::{EnvironmentEstimate, LightsEstimate, ScatteringEstimate, Scene};
 use airlight_formats::image::{ToneMap, write_film};
 use airlight_formats::scene::{LoadedScene, SceneFile};
 use serde_json::{Map, Value, json};
@@ -182,7 +182,15 @@ fn estimators(scene: &Scene) -> Vec<String> {
         LightsEstimate::Opacity(o) => format!("lights: opacity {o:?}"),
         LightsEstimate::Direct(d) => format!("lights: direct {d:?}"),
     });
-    environment.into_iter().chain(lights).collect()
+    let scattering = scene.estimate.scattering.as_ref().map(|s| match s {
+        ScatteringEstimate::Sweeps(s) => format!("scattering: sweeps {s:?}"),
+    });
+    environment.into_iter().chain(lights).chain(scattering).collect()
+}
+
+/// How far scattering was carried.
+fn solved(solved: &Solved) -> Value {
+    json!({ "sweeps": solved.sweeps, "residual": solved.residual, "converged": solved.converged })
 }
 
 impl Picture<'_> {
@@ -207,6 +215,10 @@ impl Picture<'_> {
         let stages = self.rendered.report.stages.iter();
         let stages: Vec<_> = stages.map(|s| format!("{} {:.3} s", s.stage, s.time.as_secs_f64())).collect();
         let settings: Vec<_> = options.set.iter().map(|(k, v)| format!("{k}={v}")).collect();
+        let scattering = self.rendered.report.solved.first().map_or_else(String::new, |s| {
+            let how = if s.converged { "converged" } else { "not converged" };
+            format!("{} sweeps, residual {:.1e}, {how}", s.sweeps, s.residual)
+        });
         [
             ("airlight.version", env!("CARGO_PKG_VERSION").to_owned()),
             ("airlight.device", format!("{} {}", info.id(), info.name)),
@@ -214,6 +226,7 @@ impl Picture<'_> {
             ("airlight.frame", self.frame.to_string()),
             ("airlight.estimators", estimators(scene).join("; ")),
             ("airlight.settings", settings.join("; ")),
+            ("airlight.scattering", scattering),
             ("airlight.samples", scene.camera.samples.to_string()),
             ("airlight.step", scene.quality.step.to_string()),
             ("airlight.steps", scene.quality.steps.map_or_else(|| "by step".to_owned(), |steps| steps.to_string())),
@@ -262,6 +275,7 @@ impl Picture<'_> {
             "uploads": report.uploads,
             "stages": stages,
             "device_bytes": report.bytes,
+            "scattering": report.solved.first().map(solved),
         })
     }
 }

@@ -17,7 +17,10 @@ use airlight::exec::{ExecError, Hooks, RenderError};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Phase};
-use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene, Solver, SurfaceShadow};
+use airlight::scene::{
+    EnvironmentEstimate, Film, LightsEstimate, Opacity, Orders, Records, ScatteringEstimate, Scene, Solver,
+    SurfaceShadow, Sweeps,
+};
 use airlight::stage::{Relight, RelightParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
@@ -106,6 +109,9 @@ fn scene() -> Scene {
     let surface_shadow = SurfaceShadow::Map(9);
     scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, surface_shadow, ..Opacity::default() }));
     scene.surfaces = Some(Arc::new(room()));
+    let orders = Orders::Count(3);
+    scene.estimate.scattering =
+        Some(ScatteringEstimate::Sweeps(Sweeps { cells: 5, bands: 1, orders, ..Sweeps::default() }));
     scene.quality.temporal = true;
     scene
 }

@@ -9,8 +9,8 @@ use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
 use airlight::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Records, Scene, Shadow,
-    Solver, SurfaceShadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Orders, Records,
+    ScatteringEstimate, Scene, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 use libtest_mimic::Failed;
 
@@ -179,6 +179,22 @@ fn scenes() -> Axis<Scene> {
     scenes.push(("surfaces", surfaces.clone()));
     surfaces.estimate.lights = by(SurfaceShadow::Map(24));
     scenes.push(("surfaces with maps", surfaces));
+    // So many orders: the iteration toward convergence takes what it combines from rounded sums.
+    let orders = |mut scene: Scene, bands: u32| {
+        let sweeps = Sweeps { cells: 11, bands, orders: Orders::Count(5), ..Sweeps::default() };
+        scene.estimate.scattering = Some(ScatteringEstimate::Sweeps(sweeps));
+        scene
+    };
+    let swept = |content| Records { solver: Solver::Sweep, ..records(content, 3) };
+    scenes.push(("swept records", lit(glowing(chromatic(hg())), swept(radiance))));
+    scenes.push(("swept transmittance", lit(grey(Phase::Isotropic), swept(Content::Transmittance))));
+    scenes.push(("five orders", orders(with_lights(lit(grey(Phase::Isotropic), swept(radiance))), 3)));
+    let mut forward = orders(with_lights(lit(glowing(chromatic(hg())), swept(radiance))), 3);
+    forward.surfaces = Some(Arc::new(room()));
+    scenes.push(("five orders, forward", forward));
+    let mut varying = orders(with_lights(lit(glowing(chromatic(Phase::Rayleigh)), swept(radiance))), 2);
+    varying.medium = Arc::new(varied(Map::Rotated, DIMS));
+    scenes.push(("five orders of what varies", varying));
     Axis::new("scene", scenes)
 }
 

@@ -43,6 +43,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     const GAUSSIANS: &str = "pictures::gaussians_point";
     const FLOOR: &str = "surfaces::floor_under_a_lamp_in_fog";
     const FRAMES: &str = "frames::as_the_processor";
+    const SCATTERING: &str = "scattering::energy_balance";
     const SEQUENCES: &str = "sequence::as_the_processor";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
@@ -62,7 +63,8 @@ fn proof(choice: &str) -> Vec<Trial> {
             "propagate" => SHADOWS,
             "inject" => GAUSSIANS,
             "trace" | "shade" => FLOOR,
-            "shadow" => FRAMES,
+            "shadow" | "illuminate" | "obstruct" => FRAMES,
+            "coarsen" | "sweep" => SCATTERING,
             "accumulate" | "upsample" => SEQUENCES,
             _ => PICTURES,
         };
@@ -78,7 +80,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     }
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SEQUENCES];
+        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SEQUENCES];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }

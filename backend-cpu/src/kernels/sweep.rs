@@ -10,7 +10,7 @@ use super::segment::segment;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, lanes};
+use crate::packet::{F, LANES, M, lanes};
 
 /// Cells whose moments one task adds up: few enough that the radiance of all directions stays in the cache.
 const CHUNK: usize = 512;
@@ -22,6 +22,7 @@ struct Inputs<'a> {
     sources: &'a [f32],
     source_weights: &'a [f32],
     weights: &'a [f32],
+    obstructed: &'a [u32],
 }
 
 /// A plane of cells with what they send on, in rows along the first of its axes. Around it lies a border of one cell of
@@ -36,6 +37,8 @@ struct Plane {
     extinction: Vec<f32>,
     source: Vec<f32>,
     emission: Vec<f32>,
+    /// Which neighbours lie behind surfaces; empty where none do.
+    obstructed: Vec<u32>,
 }
 
 pub(crate) fn run(stage: &Sweep, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
@@ -50,6 +53,7 @@ pub(crate) fn run(stage: &Sweep, range: Range<u32>, memory: &mut Memory<'_>, isa
         sources: read.opt(stage.sources)?,
         source_weights: read.opt(stage.source_weights)?,
         weights: read.buf(stage.weights)?,
+        obstructed: read.opt(stage.obstructed)?,
     };
     let moments: &mut [f32] = bytemuck::cast_slice_mut(out.remove(1));
     let radiance: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
@@ -111,7 +115,8 @@ fn gathered(inputs: &Inputs<'_>, radiance: &[f32], first: usize, isa: Isa, momen
 }
 
 impl Plane {
-    fn new(p: &SweepParams, axis: usize) -> Self {
+    fn new(inputs: &Inputs<'_>, axis: usize) -> Self {
+        let p = inputs.p;
         let [b, c] = SweepDirection::others(axis);
         let cells = [b, c].map(|a| p.cells[a] as usize);
         let pitch = cells[0].next_multiple_of(LANES) + 2 * LANES;
@@ -125,6 +130,7 @@ impl Plane {
             extinction: room(if p.grey == 1 { 1 } else { p.channels }),
             source: room(p.channels),
             emission: room(p.channels * p.emits),
+            obstructed: vec![0; if inputs.obstructed.is_empty() { 0 } else { size }],
         }
     }
 
@@ -151,6 +157,9 @@ impl Plane {
             };
             take(&mut self.extinction, self.size, inputs.optics, 0);
             take(&mut self.emission, self.size, inputs.optics, 6);
+            if !inputs.obstructed.is_empty() {
+                copy(&mut self.obstructed[to..to + count], &inputs.obstructed[from..], pitch[b]);
+            }
             if let Some(light) = light {
                 take(&mut self.radiance, self.size, light, 0);
             }
@@ -172,7 +181,7 @@ impl Plane {
 
 /// A row out of memory whose values lie `stride` apart.
 #[inline(always)]
-fn copy(out: &mut [f32], from: &[f32], stride: usize) {
+fn copy<T: Copy>(out: &mut [T], from: &[T], stride: usize) {
     if stride == 1 {
         out.copy_from_slice(&from[..out.len()]);
     } else {
@@ -202,7 +211,7 @@ fn sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [
     let p = inputs.p;
     let way = &inputs.directions[direction];
     let cells = [p.cells[0], p.cells[1], p.cells[2]];
-    let (mut before, mut here) = (Plane::new(p, way.axis as usize), Plane::new(p, way.axis as usize));
+    let (mut before, mut here) = (Plane::new(inputs, way.axis as usize), Plane::new(inputs, way.axis as usize));
     // Beyond the box.
     before.radiance.fill(p.boundary);
     for step in steps.clone() {
@@ -248,27 +257,36 @@ fn advance(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, before: &Plan
     let weights = [(1.0 - f) * (1.0 - g), f * (1.0 - g), (1.0 - f) * g, f * g];
     let size = here.size;
     let around = [0, across, down, across.wrapping_add(down)];
+    let bits = [way.bit(0, 0), way.bit(1, 0), way.bit(0, 1), way.bit(1, 1)];
     for row in 0..here.cells[1] {
         let start = here.row(row);
         for at in (start..start + here.cells[0]).step_by(LANES) {
+            let mut closed = [M([0; LANES]); 4];
+            if !here.obstructed.is_empty() {
+                let words = &here.obstructed[at..at + LANES];
+                for i in 0..4 {
+                    closed[i] = M(lanes!(k => if words[k] >> bits[i] & 1 == 1 { u32::MAX } else { 0 }));
+                }
+            }
+            let from = Around { at, around, weights, closed, any: !here.obstructed.is_empty() };
             let (mut e, mut mean, mut tau) = (F::ZERO, F::ZERO, F::ZERO);
             for channel in 0..p.channels as usize {
                 let part = channel * size;
                 if channel == 0 || p.grey == 0 {
-                    let extinction =
-                        load(&here.extinction[part..], at) + mix(&before.extinction[part..], at, around, weights);
+                    let own = load(&here.extinction[part..], at);
+                    let extinction = own + mix(&before.extinction[part..], &from, own);
                     tau = extinction * (0.5 * way.length);
                     (e, mean) = segment(tau);
                 }
-                let mut light = e * mix(&before.radiance[part..], at, around, weights);
+                let mut light = e * mix(&before.radiance[part..], &from, F::ZERO);
                 if p.source_coefficients > 0 {
                     let own = load(&here.source[part..], at);
-                    let upwind = if first { own } else { mix(&before.source[part..], at, around, weights) };
+                    let upwind = if first { own } else { mix(&before.source[part..], &from, own) };
                     light = light + own * (tau * mean) + (upwind - own) * leaning(tau, e, mean);
                 }
                 if p.emits == 1 {
-                    let emission =
-                        load(&here.emission[part..], at) + mix(&before.emission[part..], at, around, weights);
+                    let own = load(&here.emission[part..], at);
+                    let emission = own + mix(&before.emission[part..], &from, own);
                     light = light + mean * (0.5 * way.length) * emission;
                 }
                 here.radiance[part + at..][..LANES].copy_from_slice(&light.0);
@@ -284,12 +302,27 @@ fn leaning(tau: F, e: F, mean: F) -> F {
     tau.lt(F::splat(0.05)).select(series, mean - e)
 }
 
-/// Between the four cells around Y.
+/// Where the four cells around Y lie from a packet of cells.
+struct Around {
+    at: usize,
+    around: [usize; 4],
+    weights: [f32; 4],
+    /// Which of them lie behind surfaces.
+    closed: [M; 4],
+    /// Whether there are surfaces.
+    any: bool,
+}
+
+/// Between the four cells around Y; `own` stands for those behind surfaces.
 #[inline(always)]
-fn mix(values: &[f32], at: usize, around: [usize; 4], weights: [f32; 4]) -> F {
+fn mix(values: &[f32], from: &Around, own: F) -> F {
     let mut sum = F::ZERO;
     for i in 0..4 {
-        sum = sum + load(values, at.wrapping_add(around[i])) * weights[i];
+        let mut value = load(values, from.at.wrapping_add(from.around[i]));
+        if from.any {
+            value = from.closed[i].select(own, value);
+        }
+        sum = sum + value * from.weights[i];
     }
     sum
 }

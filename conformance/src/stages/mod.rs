@@ -6,6 +6,7 @@ mod illuminate;
 mod inject;
 mod march;
 mod march_cases;
+mod obstruct;
 mod project;
 mod propagate;
 mod reduce;
@@ -37,6 +38,7 @@ pub(crate) fn cases() -> Vec<Case> {
         coarsen::cases(),
         illuminate::cases(),
         sweep::cases(),
+        obstruct::cases(),
     ];
     all.into_iter().flatten().collect()
 }

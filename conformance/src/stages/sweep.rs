@@ -31,6 +31,8 @@ struct Set {
     weight_channels: u32,
     planar: bool,
     boundary: f32,
+    /// Whether surfaces stand between cells.
+    surfaces: bool,
     /// The largest extinction, 1/m.
     thick: f32,
 }
@@ -50,6 +52,7 @@ pub(crate) fn cases() -> Vec<Case> {
         weight_channels: 1,
         planar: true,
         boundary: 1.0,
+        surfaces: false,
         thick: 12.0,
     };
     let scattering = |name: &str| Set { sources: 4, boundary: 0.0, ..set(name) };
@@ -71,6 +74,8 @@ pub(crate) fn cases() -> Vec<Case> {
         Set { sources: 1, coefficients: 1, ..scattering("isotropic_scattering") },
         colored("colored_scattering"),
         Set { grey: false, emits: true, boundary: 0.5, batch: 7, ..colored("everything") },
+        Set { surfaces: true, ..set("surfaces") },
+        Set { surfaces: true, grey: false, emits: true, batch: 7, ..colored("everything_between_surfaces") },
         Set { thick: 4000.0, ..colored("thick") },
         Set { thick: 1e-3, ..colored("thin") },
         Set { thick: 0.0, emits: true, ..colored("vacuum") },
@@ -114,6 +119,11 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let source_weights = signed(73, count * set.sources);
     let weights: Vec<f32> =
         signed(74, count * set.coefficients * set.weight_channels).iter().map(|v| v / count as f32).collect();
+    // A third of all ways.
+    let obstructed: Vec<u32> = noise(75, 27 * cells)
+        .chunks_exact(27)
+        .map(|v| (0..27).map(|bit| u32::from(v[bit] < 0.33) << bit).sum())
+        .collect();
     let mut bench = Bench::new(subject)?;
     let room = cells * (params.batch * set.channels) as usize;
     let moments = cells * (set.coefficients * params.moment_channels()) as usize;
@@ -124,6 +134,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         sources: (set.sources > 0).then(|| bench.buf(&sources)).transpose()?,
         source_weights: (set.sources > 0).then(|| bench.buf(&source_weights)).transpose()?,
         weights: bench.buf(&weights)?,
+        obstructed: set.surfaces.then(|| bench.buf(&obstructed)).transpose()?,
         radiance: bench.room(room, Usage::Work)?,
         moments: bench.room(moments, Usage::Output)?,
     };
@@ -134,6 +145,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         sources: &sources,
         source_weights: &source_weights,
         weights: &weights,
+        obstructed: if set.surfaces { &obstructed } else { &[] },
     };
     let expected = reference::sweep(&params, &inputs);
     let lit = expected.iter().filter(|v| **v != 0.0).count();

@@ -302,8 +302,14 @@ impl Toy {
                     sources: s.sources.map_or(&[], |b| self.buffer(b)),
                     source_weights: s.source_weights.map_or(&[], |b| self.buffer(b)),
                     weights: self.buffer(s.weights),
+                    obstructed: s.obstructed.map_or(&[], |b| self.buffer(b)),
                 };
                 vec![("moments", reference::sweep(&s.params, &inputs))]
+            }
+            Stage::Obstruct(s) => {
+                // Words of few bits, which no float takes for none.
+                let words = reference::obstruct(&s.params, &self.records(s.mesh));
+                vec![("obstructed", words.into_iter().map(|word| f32::from_bits(word).into()).collect())]
             }
         }
     }
@@ -352,6 +358,7 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
         | Stage::Relight(_)
         | Stage::Propagate(_)
         | Stage::Sweep(_)
+        | Stage::Obstruct(_)
         | Stage::Trace(_)
         | Stage::Shade(_)
         | Stage::Shadow(_) => {

@@ -9,10 +9,10 @@ use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
     Accumulate, AccumulateParams, BlobRecord, CoarsenParams, FAR, IlluminateParams, Inject, InjectParams, LightFace,
-    LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, PhaseParams, Project, ProjectParams,
-    PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, SweepDirection,
-    SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, inject_kind, propagate::scheme, shadow_kind,
-    surface_shadow,
+    LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct, ObstructParams, PhaseParams,
+    Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage,
+    SweepDirection, SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, inject_kind,
+    propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -231,6 +231,13 @@ const ILLUMINATE: Recipe = Recipe {
     helpers: &[Helper::Sample, Helper::Angle, Helper::Harmonics, Helper::Light, Helper::Mesh],
 };
 
+const OBSTRUCT: Recipe = Recipe {
+    params: ObstructParams::NAME,
+    structs: &[ObstructParams::text, MeshRecord::text],
+    per_field: &[],
+    helpers: &[Helper::Mesh],
+};
+
 const SWEEP: Recipe = Recipe {
     params: SweepParams::NAME,
     structs: &[SweepParams::text, SweepDirection::text],
@@ -256,6 +263,7 @@ impl Recipe {
             Stage::Coarsen(_) => COARSEN,
             Stage::Illuminate(_) => ILLUMINATE,
             Stage::Sweep(_) => SWEEP,
+            Stage::Obstruct(_) => OBSTRUCT,
         }
     }
 
@@ -282,6 +290,7 @@ impl Recipe {
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
             ("LANES", Project::LANES),
+            ("NEIGHBORS", Obstruct::NEIGHBORS),
             ("BRICK", Inject::BRICK),
             ("ACCUMULATE_MOVED", accumulate_mode::MOVED),
             ("ACCUMULATE_AGAIN", accumulate_mode::AGAIN),

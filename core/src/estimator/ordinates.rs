@@ -5,17 +5,19 @@ use std::hash::Hash;
 use bytemuck::Zeroable;
 use glam::DVec3;
 
-use super::MediumFields;
+use super::{MediumFields, MeshBuffers};
 use crate::device::Buf;
 use crate::exec::Plan;
 use crate::scene::Scene;
-use crate::stage::{Coarsen, CoarsenParams, Stage, Sweep, SweepDirection, SweepParams};
+use crate::stage::{Coarsen, CoarsenParams, Obstruct, ObstructParams, Stage, Sweep, SweepDirection, SweepParams};
 
 /// A coarse grid over the medium, along whose cells light is swept.
 pub(super) struct Ordinates<'a> {
     pub(super) scene: &'a Scene,
     pub(super) medium: MediumFields,
     pub(super) cells: [u32; 3],
+    /// Which neighbours lie behind surfaces.
+    pub(super) obstructed: Option<Buf<u32>>,
 }
 
 /// What a sweep carries, and what becomes of it.
@@ -53,6 +55,22 @@ impl<'a> Ordinates<'a> {
     pub(super) fn cell(&self, w: f32) -> [f32; 4] {
         let side = |a: usize| self.medium.grid.dims[a] as f32 / self.cells[a] as f32;
         [side(0), side(1), side(2), w]
+    }
+
+    /// Finds out which neighbours lie behind the surfaces of `mesh`.
+    pub(super) fn obstruct(&mut self, slot: &str, mesh: Option<MeshBuffers>, plan: &mut Plan<'a>) {
+        let Some(mesh) = mesh else { return };
+        let (lattice, grid) = (self.scene.medium.lattice(), &self.medium.grid);
+        let [x, y, z] = self.cells;
+        let mut params = ObstructParams::zeroed();
+        params.dims = grid.dims;
+        [params.world_x, params.world_y, params.world_z] = grid.world;
+        (params.cells, params.cell) = ([x, y, z, 0], self.cell(0.0));
+        params.mesh_eye = mesh.from_origin(lattice.center());
+        (params.nodes, params.neighbor_end) = (mesh.nodes, Obstruct::NEIGHBORS);
+        let out = plan.work(slot, self.count());
+        plan.stage(Stage::Obstruct(Obstruct { params, mesh: mesh.records, out }));
+        self.obstructed = Some(out);
     }
 
     /// What the cells do to light, where the share `forward` of scattered light goes on.
@@ -118,6 +136,7 @@ impl<'a> Ordinates<'a> {
             sources: of.sources.map(|(sources, ..)| sources),
             source_weights: of.sources.map(|(_, weights, _)| weights),
             weights: of.weights.0,
+            obstructed: self.obstructed,
             radiance: plan.work(&format!("{slot} radiance"), room),
             moments,
         }

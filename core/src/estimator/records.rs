@@ -17,7 +17,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::ordinates::{Carried, Ordinates};
-use super::{Estimator, InScatter, MediumFields, Sources, Y0};
+use super::{Estimator, InScatter, MediumFields, MeshBuffers, Sources, Y0};
 use crate::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use crate::device::{Buf, FieldFormat, FieldSpec};
 use crate::exec::{Plan, RenderError};
@@ -43,7 +43,7 @@ impl Estimator for Records {
         }
         let setup = Setup::new(self, scene, medium);
         let (records, emission_records) = match self.solver {
-            Solver::Sweep => setup.sweep(medium, plan),
+            Solver::Sweep => setup.sweep(medium, sources.mesh, plan),
             Solver::March => {
                 let occupancy = setup.eliminate(medium, plan);
                 setup.project(medium, occupancy, plan)
@@ -170,8 +170,15 @@ impl<'a> Setup<'a> {
     }
 
     /// Records by sweeps: the same moments, and the emission's by a second sweep.
-    fn sweep(&self, medium: &MediumFields, plan: &mut Plan<'a>) -> (Buf<f32>, Option<Buf<f32>>) {
-        let ordinates = Ordinates { scene: self.scene, medium: *medium, cells: self.cells };
+    fn sweep(
+        &self,
+        medium: &MediumFields,
+        mesh: Option<MeshBuffers>,
+        plan: &mut Plan<'a>,
+    ) -> (Buf<f32>, Option<Buf<f32>>) {
+        let (scene, cells) = (self.scene, self.cells);
+        let mut ordinates = Ordinates { scene, medium: *medium, cells, obstructed: None };
+        ordinates.obstruct("record obstructions", mesh, plan);
         let optics = ordinates.coarsen("record cells", 0.0, plan);
         let (nside, followed) = (self.nside, self.followed());
         let ways = ordinates.directions(

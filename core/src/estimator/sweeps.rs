@@ -40,7 +40,8 @@ impl Estimator for Sweeps {
         if scene.optics.albedo == Vec3::ZERO || self.orders == Orders::Count(1) {
             return Ok(());
         }
-        let setup = Setup::new(self, scene, medium);
+        let mut setup = Setup::new(self, scene, medium);
+        setup.ordinates.obstruct("obstructions", sources.mesh, plan);
         let optics = setup.ordinates.coarsen("cells", setup.forward, plan);
         let mut parts = setup.unscattered("", optics, setup.forward, sources, plan);
         if parts.is_empty() {
@@ -112,6 +113,7 @@ impl<'a> Setup<'a> {
                 scene,
                 medium: *medium,
                 cells: options.grid(lattice.edges() * lattice.dims().as_dvec3()),
+                obstructed: None,
             },
             bands,
             moments,
@@ -243,7 +245,7 @@ impl<'a> Setup<'a> {
         let (scene, medium) = (self.scene(), &self.ordinates.medium);
         let estimate = scene.estimate.lights.as_ref().filter(|_| !scene.lights.is_empty())?;
         let (lattice, grid) = (scene.medium.lattice(), &medium.grid);
-        let center = lattice.index_to_world().transform_point3((lattice.dims().as_dvec3() - 1.0) / 2.0);
+        let center = lattice.center();
         let [x, y, z] = self.ordinates.cells;
         let mut params = IlluminateParams::zeroed();
         params.dims = grid.dims;

@@ -15,6 +15,8 @@ pub struct SweepInputs<'a> {
     pub source_weights: &'a [f32],
     /// W, laid out \[direction\]\[coefficient\]\[channel\].
     pub weights: &'a [f32],
+    /// Which neighbours of a cell lie behind surfaces; empty for none.
+    pub obstructed: &'a [u32],
 }
 
 /// What [`Sweep`](crate::stage::Sweep) writes as moments.
@@ -108,6 +110,12 @@ impl Way<'_> {
         )
     }
 
+    /// Whether a surface stands between a cell and a neighbour.
+    fn obstructed(&self, at: [i64; 3], to: [i64; 3]) -> bool {
+        let [x, y, z] = [0, 1, 2].map(|a| to[a] - at[a] + 1);
+        !self.inputs.obstructed.is_empty() && self.inputs.obstructed[self.index(at)] >> (z * 9 + y * 3 + x) & 1 == 1
+    }
+
     /// The cell of the plane before that is nearest to one of its neighbours, or X where there is no such plane.
     fn nearest(&self, to: [i64; 3], at: [i64; 3]) -> [i64; 3] {
         let axis = self.inputs.directions[self.i].axis as usize;
@@ -124,6 +132,12 @@ impl Way<'_> {
         let (mut extinction, mut emission, mut source, mut arriving) = (0.0, 0.0, 0.0, 0.0);
         let first = if self.params.grey == 1 { 0 } else { self.channel };
         for (to, weight) in around {
+            if self.obstructed(at, to) {
+                extinction += weight * self.optics(0, first, at);
+                emission += weight * self.optics(2, self.channel, at);
+                source += weight * self.source(at);
+                continue;
+            }
             extinction += weight * self.optics(0, first, to);
             emission += weight * self.optics(2, self.channel, to);
             source += weight * self.source(self.nearest(to, at));
@@ -191,6 +205,7 @@ mod tests {
             sources: &sources,
             source_weights: &source_weights,
             weights: &weights,
+            obstructed: &[],
         };
         let arriving = sweep(&SweepParams { boundary: 1.0, ..params() }, &inputs);
         let sent = sweep(&SweepParams { source_coefficients: 1, ..params() }, &inputs);

@@ -3,8 +3,8 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Illuminate, Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Sweep,
-    Trace, Upsample,
+    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Project, Propagate, Reduce, Relight, Shade, Shadow,
+    Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
@@ -133,8 +133,10 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             sources: full.then(|| buf(2)),
             source_weights: full.then(|| buf(3)),
             weights: buf(4),
+            obstructed: full.then(|| buf(7)),
             radiance: buf(5),
             moments: buf(6),
         }),
+        Stage::Obstruct(Obstruct { params: Zeroable::zeroed(), mesh: buf(0), out: buf(1) }),
     ]
 }

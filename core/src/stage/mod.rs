@@ -11,6 +11,7 @@ mod grid;
 mod illuminate;
 mod inject;
 mod march;
+mod obstruct;
 mod project;
 pub mod propagate;
 mod reduce;
@@ -28,6 +29,7 @@ pub use grid::{FAR, GridParams, PhaseParams};
 pub use illuminate::{Illuminate, IlluminateParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
+pub use obstruct::{Obstruct, ObstructParams};
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
@@ -115,6 +117,8 @@ pub enum Stage {
     Illuminate(Illuminate),
     /// Light along many directions, each cell's from its neighbours upwind.
     Sweep(Sweep),
+    /// Which neighbours of a cell lie behind surfaces.
+    Obstruct(Obstruct),
 }
 
 macro_rules! each {
@@ -134,6 +138,7 @@ macro_rules! each {
             Stage::Coarsen($stage) => $value,
             Stage::Illuminate($stage) => $value,
             Stage::Sweep($stage) => $value,
+            Stage::Obstruct($stage) => $value,
         }
     };
 }
@@ -144,7 +149,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 14] = [
+    pub const NAMES: [&'static str; 15] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -159,6 +164,7 @@ impl Stage {
         Coarsen::NAME,
         Illuminate::NAME,
         Sweep::NAME,
+        Obstruct::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -214,6 +220,7 @@ impl Stage {
             Self::Coarsen(stage) => stage.passes(turns)?.into_iter().map(Self::Coarsen).collect(),
             Self::Illuminate(stage) => stage.passes(turns)?.into_iter().map(Self::Illuminate).collect(),
             Self::Sweep(stage) => stage.passes(turns)?.into_iter().map(Self::Sweep).collect(),
+            Self::Obstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Obstruct).collect(),
         })
     }
 

@@ -12,6 +12,9 @@
 //! nothing is extinct or shines and the radiance is `boundary`; a cell's source stands for its neighbours beyond the plane's
 //! edge, and X's for a whole plane beyond the box: constant sources then leave 1 - e^-τ, at walls too.
 //!
+//! A neighbour behind a surface, as `obstructed` says (see [`Obstruct`](super::Obstruct)), sends nothing: its radiance is 0, and
+//! X's own extinction, source and emission stand for its.
+//!
 //! S(x)\[c\] = albedo\[c\] · Σ_k `source_weights`\[i\]\[k\] · `sources`\[k\]\[c\] of the cell, for direction i: the weights hold
 //! the phase function's moments and the basis. Without `sources` nothing scatters, and with `boundary` = 1 and no emission L is
 //! the transmittance to the wall. The output is
@@ -98,6 +101,8 @@ pub struct Sweep {
     pub source_weights: Option<Buf<f32>>,
     /// W, laid out \[direction\]\[coefficient\]\[channel\].
     pub weights: Buf<f32>,
+    /// Which neighbours of a cell lie behind surfaces, from `obstruct`.
+    pub obstructed: Option<Buf<u32>>,
     /// L of a batch, laid out \[direction\]\[channel\]\[cell\].
     pub radiance: Buf<f32>,
     /// M, laid out \[coefficient\]\[channel\]\[cell\], or \[cell\]\[coefficient\]\[channel\].
@@ -128,6 +133,16 @@ impl SweepDirection {
     /// The other two axes, in order.
     pub const fn others(axis: usize) -> [usize; 2] {
         [[1, 2], [0, 2], [0, 1]][axis]
+    }
+
+    /// The bit of [`Obstruct`](super::Obstruct) of the neighbour one plane before, and so many cells on along the first and the second
+    /// of the other two axes.
+    pub fn bit(&self, first: u32, second: u32) -> u32 {
+        let [b, c] = Self::others(self.axis as usize);
+        let mut on = [0; 3];
+        (on[self.axis as usize], on[b], on[c]) = (1, first, second);
+        let [x, y, z] = [0, 1, 2].map(|a| if self.down >> a & 1 == 1 { 1 - on[a] } else { 1 + on[a] });
+        z * 9 + y * 3 + x
     }
 
     /// The plane of so many that step `step` of a batch finishes; none where the direction rests.
@@ -179,6 +194,7 @@ impl Kernel for Sweep {
             Binding::read("sources", self.sources),
             Binding::read("source_weights", self.source_weights),
             Binding::read("weights", Some(self.weights)),
+            Binding::read("obstructed", self.obstructed),
             Binding::write("radiance", Some(self.radiance)),
             Binding::write("moments", Some(self.moments)),
         ]
@@ -210,6 +226,7 @@ impl Kernel for Sweep {
         let values = [cells * u64::from(p.batch) * u64::from(p.channels), cells * k * 3, cells * s * 3, n * k * 3];
         require!(values.iter().all(|v| u32::try_from(*v).is_ok()), "{values:?} values, more than 32 bits count");
         require!(self.optics.len >= cells * u64::from(Coarsen::PLANES), "optics of {} values", self.optics.len);
+        require!(self.obstructed.is_none_or(|b| b.len >= cells), "obstructions of fewer than {cells} cells");
         require!(self.directions.len >= n, "{} directions for {n}", self.directions.len);
         require!(self.weights.len >= n * k * u64::from(p.weight_channels), "{} weights", self.weights.len);
         require!(self.radiance.len >= values[0], "{} places for {} of radiance", self.radiance.len, values[0]);

@@ -78,7 +78,9 @@ fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
     let orders = table.or("orders", converged, |f| match f.text() {
         Ok("converged") => Ok(converged),
         Ok(_) => Err(f.wrong(&format!("it must be \"converged\" or a whole number from 1 to {}", Orders::MAX))),
-        Err(_) if tolerance.is_some() => Err(f.error("a number of orders needs no tolerance; give one of them")),
+        Err(_) if tolerance.is_some() => {
+            Err(f.error("estimate.scattering: a number of orders needs no tolerance; give one of them"))
+        }
         Err(_) => f.whole(1..=Orders::MAX).map(Orders::Count),
     })?;
     Ok(Some(ScatteringEstimate::Sweeps(Sweeps {

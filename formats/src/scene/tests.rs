@@ -6,7 +6,7 @@ use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
-    Quality, Records, Scheme, Shadow, Solver, SurfaceShadow,
+    Orders, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -306,6 +306,25 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(estimate("environment = false"), Estimate { environment: None, ..Estimate::default() });
     assert_eq!(estimate("environment = { kind = \"none\" }\nscattering = \"none\"").environment, None);
     assert_eq!(estimate("environment = \"records\"\nlights = { }\nall = \"none\""), Estimate::default());
+    let sweeps = |text: &str| estimate(&format!("scattering = {text}")).scattering;
+    let of = |sweeps: Sweeps| Some(ScatteringEstimate::Sweeps(sweeps));
+    assert_eq!(sweeps("\"none\""), None);
+    assert_eq!(sweeps("\"sweeps\""), of(Sweeps::default()));
+    assert_eq!(
+        sweeps("{ orders = 7, cells = 20 }"),
+        of(Sweeps { orders: Orders::Count(7), cells: 20, ..Sweeps::default() })
+    );
+    let (bands, orders) = (4, Orders::Converged { tolerance: 0.01 });
+    let text = "{ kind = \"sweeps\", bands = 4, directions = 108, orders = \"converged\", tolerance = 0.01 }";
+    assert_eq!(sweeps(text), of(Sweeps { bands, directions: 108, orders, ..Sweeps::default() }));
+    let solver = |text: &str| match estimate(&format!("environment = {{ {text} }}")).environment {
+        Some(EnvironmentEstimate::Records(records)) => records.solver,
+        None => panic!("no records"),
+    };
+    assert_eq!([solver(""), solver("solver = \"march\"")], [Solver::Sweep, Solver::March]);
+    // What sweeps do not know.
+    assert_eq!(solver("content = \"phase\""), Solver::March);
+    assert_eq!(solver("elimination = { kind = \"probes\", n = 3 }"), Solver::March);
     let lights = |text: &str| estimate(&format!("lights = {text}")).lights;
     let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
     assert_eq!(lights("\"opacity\""), opacity(64, Scheme::ShortCharacteristics));

@@ -122,12 +122,20 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:71: estimate.lights.surface_shadow.texels = 0; it must be a whole number from 1 to 8192",
         ),
         (
-            "[estimate]\nscattering = { kind = \"sweeps\", orders = \"converged\" }",
-            "8:23: estimate.scattering.kind = \"sweeps\" is not built yet; leave it out for single scattering",
+            "[estimate]\nscattering = { orders = 4, tolerance = 0.1 }",
+            "8:25: estimate.scattering: a number of orders needs no tolerance; give one of them",
+        ),
+        (
+            "[estimate]\nscattering = { tolerance = 1 }",
+            "8:28: estimate.scattering.tolerance = 1; it must be above 0 and below 1",
+        ),
+        (
+            "[estimate]\nscattering = { cells = 0 }",
+            "8:24: estimate.scattering.cells = 0; it must be a whole number from 1 to 1024",
         ),
         (
             "[estimate]\nscattering = { orders = \"many\" }",
-            "8:25: estimate.scattering.orders = \"many\"; it must be \"converged\" or a whole number from 1 to 100000",
+            "8:25: estimate.scattering.orders = \"many\"; it must be \"converged\" or a whole number from 1 to 10000",
         ),
         (
             "[estimate]\nall = { kind = \"path\", samples = 256, max_depth = 64 }",
@@ -138,8 +146,8 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:7: estimate.all = \"transfer\" is not built yet; leave estimate.all out; environment and lights have estimators",
         ),
         (
-            "[estimate]\nenvironment = { solver = \"sweep\" }",
-            "8:26: estimate.environment.solver = \"sweep\" is not built yet; available: \"march\"",
+            "[estimate]\nenvironment = { solver = \"guess\" }",
+            "8:26: estimate.environment.solver = \"guess\"; it must be \"sweep\" or \"march\"",
         ),
         (
             "[estimate]\nenvironment = { extract_sun = \"auto\" }",
