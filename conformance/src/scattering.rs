@@ -141,8 +141,7 @@ fn balance(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 fn scattered(subject: &Subject, phase: &Phase, from: DVec3, into: DVec3) -> Result<f64, Failed> {
     let optics = Optics { phase: phase.clone(), ..Optics::grey(10.0, 0.95) };
     let mut scene = scattering(optics, None);
-    let sweeps = Sweeps { cells: 17, directions: 192, ..Sweeps::default() };
-    scene.estimate.scattering = Some(ScatteringEstimate::Sweeps(sweeps));
+    scene.quality.step = 0.25;
     scene.lights = vec![Light::directional(from, Vec3::ONE)?];
     let center = DVec3::new(0.1, -0.05, 0.2);
     // As good as parallel: the box is a hundredth of a radian wide.

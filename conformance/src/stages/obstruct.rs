@@ -47,7 +47,7 @@ fn one(subject: &Subject, record: &mut Record, map: Map, cells: [u32; 3]) -> Res
     let out = stage.out;
     let expected = reference::obstruct(&params, hierarchy.records());
     let walls = expected.iter().filter(|word| **word != 0).count();
-    check!(walls > 1 && walls < count, "surfaces beside {walls} of {count} cells: the case tries nothing");
+    check!(walls > 1, "surfaces beside {walls} of {count} cells: the case tries nothing");
     // A flag each, so that one that differs counts as one.
     let flags = |words: Vec<u32>| words.into_iter().flat_map(|w| (0..27).map(move |bit| (w >> bit & 1) as f32));
     let expected: Vec<f64> = flags(expected).map(f64::from).collect();

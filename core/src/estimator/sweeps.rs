@@ -9,7 +9,9 @@
 //! A phase function that reaches further than the bands is made similar (δ-scaling; Joseph, Wiscombe and Weinman 1976): the
 //! share f = β_L of its first moment beyond them goes on as if it had not been scattered, and β'_l = (β_l - f)/(1 - f). What
 //! the similar medium holds, b' + x', stands for all light; without the first order that the march adds with the medium's own
-//! extinction, b, it is b' + x' - b.
+//! extinction, b, it is b' + x' - b. Of that, b' - b is light that went on: of an analytic light it still comes from one
+//! direction, and scattered once more the share f of it goes on again, where only an eye that looks at the light would see
+//! it; the rest is scattered by β_l - f. Three bands of β_l themselves would ring on it, and darken thin edges below zero.
 
 use std::f64::consts::PI;
 
@@ -48,10 +50,13 @@ impl Estimator for Sweeps {
             return Ok(());
         }
         if setup.forward > 0.0 {
-            parts.iter_mut().for_each(|part| part.out = 1.0);
             let optics = setup.ordinates.coarsen("own cells", 0.0, plan);
             let own = setup.unscattered("own ", optics, 0.0, sources, plan);
-            parts.extend(own.into_iter().map(|part| Part { source: 0.0, out: -1.0, ..part }));
+            parts.extend(own.into_iter().map(|part| Part {
+                source: 0.0,
+                out: part.out.iter().map(|weight| -weight).collect(),
+                ..part
+            }));
         }
         let out = setup.solve(optics, parts, plan);
         let field = setup.relight(out, plan);
@@ -156,12 +161,22 @@ impl<'a> Setup<'a> {
         sources: &Sources,
         plan: &mut Plan<'a>,
     ) -> Vec<Part> {
-        let part = |light: Buf<f32>| Part { light, source: 1.0, out: 0.0 };
+        let part = |out: Vec<f32>| move |light: Buf<f32>| Part { light, source: 1.0, out };
+        let (wide, narrow) = if self.forward > 0.0 { (vec![1.0], self.gone_on()) } else { (Vec::new(), Vec::new()) };
         let mut parts = Vec::new();
-        parts.extend(self.environment(own, optics, forward, plan).map(part));
-        parts.extend(self.emission(own, optics, forward, plan).map(part));
-        parts.extend(self.lights(own, forward, sources, plan).map(part));
+        parts.extend(self.environment(own, optics, forward, plan).map(part(wide.clone())));
+        parts.extend(self.emission(own, optics, forward, plan).map(part(wide)));
+        parts.extend(self.lights(own, forward, sources, plan).map(part(narrow)));
         parts
+    }
+
+    /// (β_l - f)/β_l of each coefficient: what of light from one direction is scattered away from it.
+    fn gone_on(&self) -> Vec<f32> {
+        let share = |k: usize| match self.moments[k.isqrt()] {
+            0.0 => 0.0,
+            beta => (beta - f64::from(self.forward)) / beta,
+        };
+        (0..self.coefficients() as usize).map(|k| share(k) as f32).collect()
     }
 
     fn environment(&self, own: &str, optics: Buf<f32>, forward: f32, plan: &mut Plan<'a>) -> Option<Buf<f32>> {

@@ -268,7 +268,10 @@ impl<'a> Plan<'a> {
         let parts: Vec<_> = solve
             .parts
             .iter()
-            .map(|part| (known(&self.keys, part.light.id), part.source.to_bits(), part.out.to_bits()))
+            .map(|part| {
+                let out: Vec<_> = part.out.iter().map(|w| w.to_bits()).collect();
+                (known(&self.keys, part.light.id), part.source.to_bits(), out)
+            })
             .collect();
         self.keys.insert(solve.source.id, Key::of("solve", &(parts, format!("{:?}", solve.orders))));
         let base = self.key(&solve.stage);
