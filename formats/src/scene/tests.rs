@@ -305,6 +305,14 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(estimate("environment = false"), Estimate { environment: None, ..Estimate::default() });
     assert_eq!(estimate("environment = { kind = \"none\" }\nscattering = \"none\"").environment, None);
     assert_eq!(estimate("environment = \"records\"\nlights = { }\nall = \"none\""), Estimate::default());
+    let all = |text: &str| estimate(&format!("all = {text}")).all;
+    let path = |path| Some(AllEstimate::Path(path));
+    assert_eq!(all("\"path\""), path(Path::default()));
+    let options = "samples = 8, max_depth = 3, time_limit = 1.5, noise = 0.25";
+    let some = Path { samples: 8, max_depth: Some(3), time_limit: Some(1.5), noise: Some(0.25) };
+    assert_eq!(all(&format!("{{ kind = \"path\", {options} }}")), path(some));
+    let alone = estimate("all = \"path\"");
+    assert_eq!((alone.environment, alone.lights), (None, None));
     let lights = |text: &str| estimate(&format!("lights = {text}")).lights;
     let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
     assert_eq!(lights("\"opacity\""), opacity(64, Scheme::ShortCharacteristics));
