@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
-    Quality, Records, Scheme, Shadow, SurfaceShadow,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate,
+    Opacity, Path as Paths, Quality, Records, Scheme, Shadow, SurfaceShadow,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -307,9 +307,9 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(estimate("environment = \"records\"\nlights = { }\nall = \"none\""), Estimate::default());
     let all = |text: &str| estimate(&format!("all = {text}")).all;
     let path = |path| Some(AllEstimate::Path(path));
-    assert_eq!(all("\"path\""), path(Path::default()));
+    assert_eq!(all("\"path\""), path(Paths::default()));
     let options = "samples = 8, max_depth = 3, time_limit = 1.5, noise = 0.25";
-    let some = Path { samples: 8, max_depth: Some(3), time_limit: Some(1.5), noise: Some(0.25) };
+    let some = Paths { samples: 8, max_depth: Some(3), time_limit: Some(1.5), noise: Some(0.25) };
     assert_eq!(all(&format!("{{ kind = \"path\", {options} }}")), path(some));
     let alone = estimate("all = \"path\"");
     assert_eq!((alone.environment, alone.lights), (None, None));
