@@ -296,14 +296,17 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let (a, b) = (DVec3::new(0.6, 0.5, 0.9).normalize(), DVec3::new(-0.3, 0.2, 1.0).normalize());
     let mut renderer = subject.renderer()?;
     let mut sent = |to: DVec3, from: DVec3| -> Result<[f64; 2], Failed> {
-        let mut scene = cloud(Map::Sheared, DIMS, Optics { albedo: Vec3::ONE, ..chromatic(Phase::HenyeyGreenstein { g: 0.5 }) });
+        let mut scene =
+            cloud(Map::Sheared, DIMS, Optics { albedo: Vec3::ONE, ..chromatic(Phase::HenyeyGreenstein { g: 0.5 }) });
         let center = scene.medium.lattice().center();
-        scene.camera = Camera { origin: center + FAR * to, target: center, fov: 2.2, width: 24, height: 24, ..scene.camera };
+        scene.camera =
+            Camera { origin: center + FAR * to, target: center, fov: 2.2, width: 24, height: 24, ..scene.camera };
         scene.lights = vec![Light::directional(from, Vec3::ONE)?];
         let films = several(&mut renderer, &traced(scene, 4, None), record)?;
         let rim = |film: &Film| (0..24).any(|i| film.beauty[i][3] > 0.0 || film.beauty[24 * i][3] > 0.0);
         check!(!films.iter().any(rim), "the picture cuts off a part of the cloud");
-        let sums: Vec<f64> = films.iter().map(|f| f.beauty.iter().map(|p| f64::from(p[0] + p[1] + p[2])).sum()).collect();
+        let sums: Vec<f64> =
+            films.iter().map(|f| f.beauty.iter().map(|p| f64::from(p[0] + p[1] + p[2])).sum()).collect();
         let (n, whole) = (sums.len() as f64, sums.iter().sum::<f64>() / sums.len() as f64);
         Ok([whole, sums.iter().map(|s| (s - whole).powi(2)).sum::<f64>() / (n - 1.0) / n])
     };

@@ -90,7 +90,8 @@ mod tests {
     fn draws_are_even_and_those_of_neighbours_are_independent() {
         // Sums of products of two draws each, less their means: of variance 1/144 each.
         let n = 40_000u32;
-        let of = |pixel: u32, sample: u32, dimension: u32| f64::from(draw(&mut draws(pixel, sample, 0, dimension))) - 0.5;
+        let of =
+            |pixel: u32, sample: u32, dimension: u32| f64::from(draw(&mut draws(pixel, sample, 0, dimension))) - 0.5;
         let even = (0..n).map(|i| of(i, 3, 7)).sum::<f64>() / (f64::from(n) / 12.0).sqrt();
         assert!(even.abs() < 4.0, "{even}");
         for (what, other) in [("pixel", [1, 0, 0]), ("sample", [0, 1, 0]), ("dimension", [0, 0, 1])] {

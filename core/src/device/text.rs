@@ -9,9 +9,9 @@ use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
     Accumulate, AccumulateParams, BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March,
-    MarchParams, MaterialRecord, MeshRecord, Path, PathParams, PathRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce,
-    ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
+    MarchParams, MaterialRecord, MeshRecord, Path, PathParams, PathRecord, PhaseParams, Project, ProjectParams,
+    PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample,
+    UpsampleParams, accumulate_mode, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.

@@ -67,7 +67,9 @@ impl<'a> Surface<'a> {
 
     /// One that an earlier plan has filled.
     pub(super) fn filled(content: Version) -> Self {
-        Self::new(content, |_, _| Err(DeviceError::Invalid("a background that is filled once is asked for again".into())))
+        Self::new(content, |_, _| {
+            Err(DeviceError::Invalid("a background that is filled once is asked for again".into()))
+        })
     }
 }
 
@@ -291,7 +293,11 @@ pub(super) fn plan_occupancy(medium: &MediumFields, plan: &mut Plan<'_>) -> Occu
 }
 
 /// What stands behind the medium and its surfaces.
-pub(super) fn plan_background<'a>(scene: &'a Scene, surface: Option<Surface<'a>>, plan: &mut Plan<'a>) -> Option<Buf<[f32; 4]>> {
+pub(super) fn plan_background<'a>(
+    scene: &'a Scene,
+    surface: Option<Surface<'a>>,
+    plan: &mut Plan<'a>,
+) -> Option<Buf<[f32; 4]>> {
     let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
     if let Some(Surface { content, fill }) = surface {
         return Some(plan.external("background", pixels, &content, fill));

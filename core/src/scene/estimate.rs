@@ -342,7 +342,9 @@ impl Estimate {
     pub fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
         if let Some(AllEstimate::Path(path)) = &self.all {
             if self.environment.is_some() || self.lights.is_some() {
-                return Err(EstimateError::Conflict("`path` brings all light, and no other estimator beside it".into()));
+                return Err(EstimateError::Conflict(
+                    "`path` brings all light, and no other estimator beside it".into(),
+                ));
             }
             path.validate()?;
         }

@@ -123,7 +123,9 @@ impl Scene {
         if self.estimate.all.is_some() && self.quality.marches_apart() {
             let (key, what) = match self.quality.temporal {
                 true => ("temporal", "pictures of a sequence are accumulated by the march, which `path` does without"),
-                false => ("scale", "a small picture is made full by the march, which `path` does without; take a scale of 1"),
+                false => {
+                    ("scale", "a small picture is made full by the march, which `path` does without; take a scale of 1")
+                }
             };
             return Err(SceneError::Quality { key, what: what.into() });
         }

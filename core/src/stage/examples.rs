@@ -2,7 +2,9 @@
 
 use bytemuck::Zeroable;
 
-use super::{Accumulate, Inject, March, Path, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace, Upsample};
+use super::{
+    Accumulate, Inject, March, Path, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace, Upsample,
+};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
