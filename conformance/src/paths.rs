@@ -300,9 +300,9 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             cloud(Map::Sheared, DIMS, Optics { albedo: Vec3::ONE, ..chromatic(Phase::HenyeyGreenstein { g: 0.5 }) });
         let center = scene.medium.lattice().center();
         scene.camera =
-            Camera { origin: center + FAR * to, target: center, fov: 2.2, width: 24, height: 24, ..scene.camera };
+            Camera { origin: center + FAR * to, target: center, fov: 1.5, width: 24, height: 24, ..scene.camera };
         scene.lights = vec![Light::directional(from, Vec3::ONE)?];
-        let films = several(&mut renderer, &traced(scene, 4, None), record)?;
+        let films = several(&mut renderer, &traced(scene, 24, None), record)?;
         let rim = |film: &Film| (0..24).any(|i| film.beauty[i][3] > 0.0 || film.beauty[24 * i][3] > 0.0);
         check!(!films.iter().any(rim), "the picture cuts off a part of the cloud");
         let sums: Vec<f64> =
@@ -313,7 +313,7 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let ([there, u], [back, v]) = (sent(a, b)?, sent(b, a)?);
     check!(there > 0.0, "nothing is sent");
     let difference = (there - back).abs();
-    record.score("light sent", "difference of the two", difference / there, 1e-2);
+    record.score("light sent", "difference of the two", difference / there, 5e-2);
     record.score("light sent", "the same in standard deviations", difference / (u + v).sqrt(), 5.0);
     Ok(())
 }
@@ -322,8 +322,8 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 fn brute(scene: &Scene) -> Vec<[f32; 4]> {
     use rayon::prelude::*;
     let mut fine = scene.clone();
-    fine.camera.samples = 16;
-    let truth = BruteForce::new(&fine, &BruteSettings { rows: 16, nodes: 2 });
+    fine.camera.samples = 4;
+    let truth = BruteForce::new(&fine, &BruteSettings { rows: 12, nodes: 2 });
     let (width, pixels) = (scene.camera.width, scene.camera.width * scene.camera.height);
     (0..pixels).into_par_iter().map(|i| truth.pixel(i % width, i / width).map(|v| v as f32)).collect()
 }
@@ -336,13 +336,13 @@ fn varying(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     visible.visible = true;
     scene.environment = Some(visible);
     scene.lights = vec![Light::spot(DVec3::new(0.9, 0.8, -0.9), DVec3::ZERO, Vec3::splat(3.0), 15.0, 30.0)?];
-    (scene.camera.width, scene.camera.height) = (24, 16);
-    let flat = |pixels: &[[f32; 4]]| blocks(pixels, 24, 16).as_flattened().to_vec();
+    (scene.camera.width, scene.camera.height) = (16, 16);
+    let flat = |pixels: &[[f32; 4]]| blocks(pixels, 16, 16).as_flattened().to_vec();
     let expected = flat(&brute(&scene));
     let films = several(&mut subject.renderer()?, &traced(scene, 24, Some(1)), record)?;
     let found: Vec<_> = films.iter().map(|film| flat(&film.beauty)).collect();
     let scores = scores(&found, &expected, 2e-3);
-    // Six blocks of three channels.
+    // Four blocks of three channels.
     record.score("radiance", "root mean square of z", scores.rms, 2.0);
     record.score("radiance", "difference of the whole", (scores.ratio - 1.0).abs(), 1e-2);
     Ok(())
