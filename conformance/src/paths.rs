@@ -156,8 +156,8 @@ fn reference() -> Vec<Reference> {
         scene.optics.phase = Phase::HenyeyGreenstein { g };
         Ok(scene)
     }
-    let multi = |name, file, noise, scene| Reference { name, file, noise, samples: 1, max_depth: None, scene };
-    let single = |name, file, noise, scene| Reference { name, file, noise, samples: 1, max_depth: Some(1), scene };
+    let multi = |name, file, noise, scene| Reference { name, file, noise, samples: 2, max_depth: None, scene };
+    let single = |name, file, noise, scene| Reference { name, file, noise, samples: 2, max_depth: Some(1), scene };
     vec![
         single("directional_single_chromatic", "dir_single_chromatic.exr", 0.0, || {
             let mut scene = lit(sun())?;
@@ -201,9 +201,9 @@ impl Reference {
     }
 }
 
-/// Optical depths of the box's longest side.
-fn depths() -> Axis<f32> {
-    Axis::new("depth", [("thin", 0.4f32), ("thick", 14.0)])
+/// Optical depths of the box's longest side, and the samples that each needs.
+fn depths() -> Axis<(f32, u32)> {
+    Axis::new("depth", [("thin", (0.4f32, 4)), ("thick", (14.0, 20))])
 }
 
 fn phases() -> Axis<Phase> {
@@ -270,10 +270,10 @@ fn ones(record: &mut Record, name: &str, renderer: &mut Renderer, scene: &Scene)
 
 fn furnace(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut renderer = subject.renderer()?;
-    record.each(&depths(), |record, &depth| {
+    record.each(&depths(), |record, &(depth, samples)| {
         record.each(&phases(), |record, phase| {
             let optics = Optics { phase: phase.clone(), ..Optics::grey(depth / 0.9, 1.0) };
-            ones(record, "radiance", &mut renderer, &traced(fog(optics)?, 4, None))
+            ones(record, "radiance", &mut renderer, &traced(fog(optics)?, samples, None))
         })
     })
 }
@@ -286,7 +286,7 @@ fn balance(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         let albedo = Vec3::new(albedo, 0.8 * albedo, albedo);
         let phase = Phase::HenyeyGreenstein { g: 0.4 };
         let optics = Optics { extinction, albedo, emission: extinction * (Vec3::ONE - albedo), phase };
-        ones(record, "radiance", &mut renderer, &traced(fog(optics)?, 4, None))
+        ones(record, "radiance", &mut renderer, &traced(fog(optics)?, 8, None))
     })
 }
 
