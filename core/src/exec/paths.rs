@@ -47,7 +47,7 @@ impl Renderer {
         let (width, height) = (scene.camera.width, scene.camera.height);
         let limit = options.time_limit.unwrap_or(f64::INFINITY);
         let mut report = Report::default();
-        let (mut done, mut target) = (0, 1);
+        let (mut done, mut target, mut batch) = (0, 1, 1u32);
         let mut first = None;
         let (content, mut fill) = surface.map_or((None, None), |surface| (Some(surface.content()), Some(surface)));
         loop {
@@ -79,7 +79,9 @@ impl Renderer {
             let (since, before) = *first.get_or_insert((elapsed, done));
             let pace = (elapsed - since) / f64::from((done - before).max(1));
             let room = LOOK.as_secs_f64().min(limit - elapsed) / pace.max(1e-9);
-            target = done.saturating_add((room as u32).clamp(1, MOST.min(done.max(1)))).min(options.samples);
+            // By twice at the most, so that the executor, which cuts work by the last time it took, keeps up.
+            batch = (room as u32).clamp(1, MOST.min(2 * batch));
+            target = done.saturating_add(batch).min(options.samples);
         }
     }
 
