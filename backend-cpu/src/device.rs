@@ -182,6 +182,7 @@ impl Device for CpuDevice {
             Stage::Illuminate(stage) => kernels::illuminate::run(stage, part, &mut memory, isa),
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
             Stage::Obstruct(stage) => kernels::obstruct::run(stage, part, &mut memory, isa),
+            Stage::Path(stage) => kernels::path::run(stage, part, &mut memory),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

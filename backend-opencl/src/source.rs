@@ -50,6 +50,9 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Mesh => file!("mesh.cl"),
         Helper::Face => file!("face.cl"),
         Helper::Sky => file!("sky.cl"),
+        Helper::Random => file!("random.cl"),
+        Helper::Walk => file!("walk.cl"),
+        Helper::Bend => file!("bend.cl"),
     }
 }
 
@@ -87,6 +90,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Illuminate(_) => (file!("illuminate.cl"), 1),
         Stage::Sweep(_) => (file!("sweep.cl"), 1),
         Stage::Obstruct(_) => (file!("obstruct.cl"), 1),
+        Stage::Path(_) => (file!("path.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

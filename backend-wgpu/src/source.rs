@@ -68,6 +68,9 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Mesh => file!("mesh.wgsl"),
         Helper::Face => file!("face.wgsl"),
         Helper::Sky => file!("sky.wgsl"),
+        Helper::Random => file!("random.wgsl"),
+        Helper::Walk => file!("walk.wgsl"),
+        Helper::Bend => file!("bend.wgsl"),
     }
 }
 
@@ -100,6 +103,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Illuminate(_) => (file!("illuminate.wgsl"), 64),
         Stage::Sweep(_) => (file!("sweep.wgsl"), 64),
         Stage::Obstruct(_) => (file!("obstruct.wgsl"), 64),
+        Stage::Path(_) => (file!("path.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -118,6 +118,7 @@ pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
             }),
             scattering: (frame == Frame::Scattering).then(|| ScatteringEstimate::Sweeps(Sweeps::default())),
             lights: Some(LightsEstimate::Direct(Direct::default())),
+            all: None,
         },
         quality: Quality::default(),
     }

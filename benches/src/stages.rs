@@ -1,5 +1,7 @@
 //! Single stages on resources of their own.
 
+mod path;
+
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 use airlight::glam::{DVec3, Vec3};
@@ -27,7 +29,7 @@ pub(crate) const BANDS: u32 = 3;
 pub(crate) const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 15] = [
+pub const STAGES: [&str; 16] = [
     "inject",
     "reduce",
     "project",
@@ -43,6 +45,7 @@ pub const STAGES: [&str; 15] = [
     "illuminate",
     "sweep",
     "obstruct",
+    "path",
 ];
 
 /// A ray of the view, in index space.
@@ -173,6 +176,7 @@ impl Rig {
             "illuminate" => (self.illuminate(), "cells"),
             "sweep" => (self.sweep(), "cells"),
             "obstruct" => (self.obstruct(), "cells"),
+            "path" => (self.path(view), "paths"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };

@@ -18,8 +18,8 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Phase};
 use airlight::scene::{
-    EnvironmentEstimate, Film, LightsEstimate, Opacity, Orders, Records, ScatteringEstimate, Scene, Solver,
-    SurfaceShadow, Sweeps,
+    AllEstimate, EnvironmentEstimate, Estimate, Film, LightsEstimate, Opacity, Orders, Path, Records,
+    ScatteringEstimate, Scene, Solver, SurfaceShadow, Sweeps,
 };
 use airlight::stage::{Relight, RelightParams, Stage};
 use bytemuck::Zeroable;
@@ -96,7 +96,7 @@ pub(crate) fn cases() -> Vec<Case> {
     ]
 }
 
-/// A small picture that runs every stage.
+/// A small picture that runs every stage but `path`, which brings all light by itself.
 fn scene() -> Scene {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.environment = Some(sky());
@@ -113,6 +113,18 @@ fn scene() -> Scene {
     scene.estimate.scattering =
         Some(ScatteringEstimate::Sweeps(Sweeps { cells: 5, bands: 1, orders, ..Sweeps::default() }));
     scene.quality.temporal = true;
+    scene
+}
+
+/// One that runs a stage.
+fn running(stage: &str) -> Scene {
+    let mut scene = scene();
+    if stage == "path" {
+        let path = Path { samples: 2, ..Path::default() };
+        scene.estimate =
+            Estimate { environment: None, lights: None, scattering: None, all: Some(AllEstimate::Path(path)) };
+        scene.quality.temporal = false;
+    }
     scene
 }
 
@@ -359,7 +371,7 @@ fn failing(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Fail)));
         for _ in 0..2 {
-            let (stage, error) = fault(record, renderer.render(&scene()))?;
+            let (stage, error) = fault(record, renderer.render(&running(broken)))?;
             check!(stage == broken && matches!(error, DeviceError::Backend(_)), "{stage}: {error:?}");
         }
         Ok(())
@@ -372,7 +384,7 @@ fn slow(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Slow(by))));
         renderer.executor().set_patience(Some(patience));
-        let (stage, error) = fault(record, renderer.render(&scene()))?;
+        let (stage, error) = fault(record, renderer.render(&running(broken)))?;
         check!(stage == broken && error == DeviceError::Timeout { stage: broken, patience }, "{stage}: {error:?}");
         Ok(())
     })

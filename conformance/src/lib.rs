@@ -32,6 +32,7 @@ mod fixtures;
 mod frames;
 mod keys;
 mod limits;
+mod paths;
 pub mod pictures;
 mod record;
 mod report;
@@ -137,6 +138,7 @@ pub fn cases() -> Vec<Case> {
         surfaces::cases(),
         frames::cases(),
         estimators::cases(),
+        paths::cases(),
         keys::cases(),
         sequences::cases(),
         pictures::cases(),

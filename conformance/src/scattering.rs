@@ -99,6 +99,7 @@ fn scattering(optics: Optics, environment: Option<Environment>) -> Scene {
         environment: Some(EnvironmentEstimate::Records(Records { cells: 17, ..Records::default() })),
         lights: Some(LightsEstimate::Direct(Direct { shadow: Shadow::March, ..Direct::default() })),
         scattering: Some(ScatteringEstimate::Sweeps(Sweeps { cells: 17, ..Sweeps::default() })),
+        all: None,
     };
     scene
 }

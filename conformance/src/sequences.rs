@@ -108,6 +108,7 @@ pub fn scene(width: u32, height: u32) -> Result<Scene, Failed> {
             environment: None,
             lights: Some(LightsEstimate::Opacity(Opacity { cells: 32, ..Opacity::default() })),
             scattering: None,
+            all: None,
         },
         quality: Quality { step: 0.5, ..Quality::default() },
     })

@@ -45,6 +45,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     const FRAMES: &str = "frames::as_the_processor";
     const SCATTERING: &str = "scattering::energy_balance";
     const SEQUENCES: &str = "sequence::as_the_processor";
+    const PATHS: &str = "paths::what_leaves_and_what_is_absorbed";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -66,6 +67,7 @@ fn proof(choice: &str) -> Vec<Trial> {
             "shadow" | "illuminate" | "obstruct" => FRAMES,
             "coarsen" | "sweep" => SCATTERING,
             "accumulate" | "upsample" => SEQUENCES,
+            "path" => PATHS,
             _ => PICTURES,
         };
         for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {
@@ -80,7 +82,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     }
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SEQUENCES];
+        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SEQUENCES, PATHS];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }

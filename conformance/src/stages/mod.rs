@@ -7,6 +7,7 @@ mod inject;
 mod march;
 mod march_cases;
 mod obstruct;
+mod path;
 mod project;
 mod propagate;
 mod reduce;
@@ -39,6 +40,7 @@ pub(crate) fn cases() -> Vec<Case> {
         illuminate::cases(),
         sweep::cases(),
         obstruct::cases(),
+        path::cases(),
     ];
     all.into_iter().flatten().collect()
 }

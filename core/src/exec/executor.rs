@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::error::ExecError;
 use super::key::Key;
+use super::paths::PathsRun;
 use super::plan::{Declared, Node, Plan, Slots, Work};
 use super::solve::{Iteration, Solve, Solved};
 use crate::device::{Buf, Bytes, Device, DeviceError, FieldSpec, ResourceId, ResourceSpec};
@@ -54,6 +55,8 @@ pub struct Report {
     pub bytes: u64,
     /// How equations were solved; empty where their solutions stood.
     pub solved: Vec<Solved>,
+    /// How far paths were traced, where the estimator is `path`.
+    pub paths: Option<PathsRun>,
 }
 
 impl Report {

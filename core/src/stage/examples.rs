@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Project, Propagate, Reduce, Relight, Shade, Shadow,
+    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reduce, Relight, Shade, Shadow,
     Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
@@ -108,6 +108,22 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             last: buf(1),
             next: buf(2),
             mean: buf(3),
+        }),
+        Stage::Path(Path {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            emission: full.then(|| scalar(2)),
+            emission_color: full.then(|| field(3, FieldFormat::Rgba)),
+            environment: full.then(|| field(4, FieldFormat::Rgba)),
+            majorant: buf(5),
+            lights: full.then(|| buf(6)),
+            tables: buf(7),
+            mesh: full.then(|| buf(8)),
+            background: full.then(|| buf(9)),
+            sums: buf(10),
+            paths: buf(11),
+            film: buf(12),
         }),
         Stage::Coarsen(Coarsen {
             params: Zeroable::zeroed(),

@@ -12,6 +12,8 @@ mod illuminate;
 mod inject;
 mod march;
 mod obstruct;
+mod path;
+mod path_tables;
 mod project;
 pub mod propagate;
 mod reduce;
@@ -30,6 +32,8 @@ pub use illuminate::{Illuminate, IlluminateParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
 pub use obstruct::{Obstruct, ObstructParams};
+pub use path::{Path, PathParams, PathRecord, path_mode};
+pub use path_tables::PathTables;
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
@@ -87,7 +91,6 @@ pub trait Kernel {
 /// A stage with its parameters and resources. Devices match it without a catch-all arm, so that a new stage does not
 /// compile until every device has it.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "a frame has a handful of stages, and plans hold them boxed")]
 pub enum Stage {
     /// Coarse mean and maximum of a field.
     Reduce(Reduce),
@@ -119,6 +122,8 @@ pub enum Stage {
     Sweep(Sweep),
     /// Which neighbours of a cell lie behind surfaces.
     Obstruct(Obstruct),
+    /// Unbiased paths of light through everything.
+    Path(Path),
 }
 
 macro_rules! each {
@@ -139,6 +144,7 @@ macro_rules! each {
             Stage::Illuminate($stage) => $value,
             Stage::Sweep($stage) => $value,
             Stage::Obstruct($stage) => $value,
+            Stage::Path($stage) => $value,
         }
     };
 }
@@ -149,7 +155,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 15] = [
+    pub const NAMES: [&'static str; 16] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -163,8 +169,9 @@ impl Stage {
         Accumulate::NAME,
         Coarsen::NAME,
         Illuminate::NAME,
-        Sweep::NAME,
         Obstruct::NAME,
+        Path::NAME,
+        Sweep::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -221,6 +228,7 @@ impl Stage {
             Self::Illuminate(stage) => stage.passes(turns)?.into_iter().map(Self::Illuminate).collect(),
             Self::Sweep(stage) => stage.passes(turns)?.into_iter().map(Self::Sweep).collect(),
             Self::Obstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Obstruct).collect(),
+            Self::Path(stage) => stage.passes(turns)?.into_iter().map(Self::Path).collect(),
         })
     }
 

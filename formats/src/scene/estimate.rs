@@ -1,8 +1,8 @@
 //! `[estimate]` and `[quality]`.
 
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
-    Orders, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate,
+    Opacity, Orders, Path, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 
 use super::error::Fault;
@@ -48,6 +48,10 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
             }
         }
         let (kind, options) = all.kinds(None, &[PATH, TRANSFER])?;
+        if kind == "path" {
+            let all = Some(AllEstimate::Path(path(&options)?));
+            return Ok(Estimate { environment: None, lights: None, scattering: None, all });
+        }
         return Err(unbuilt(&all, kind, &options, "leave estimate.all out; environment and lights have estimators")?);
     }
     if let Some(field) = table.get("environment") {
@@ -93,9 +97,8 @@ fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
 
 /// The error for an estimator that is not built; its options are checked first.
 fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
-    let positive = Shape::POSITIVE;
     let shapes: &[(&str, Shape)] = match kind {
-        "transfer" => &[
+        _ => &[
             ("file", Shape::Text),
             ("cells", Shape::Whole(1, 4096)),
             ("basis", Shape::OneOf(&["dsf", "sh", "srbf"])),
@@ -107,17 +110,24 @@ fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str
             ("clusters", Shape::Whole(1, 1_000_000)),
             ("components", Shape::Whole(1, 1000)),
         ],
-        _ => &[
-            ("samples", Shape::Whole(1, u32::MAX)),
-            ("max_depth", Shape::Whole(1, u32::MAX)),
-            ("time_limit", positive),
-            ("noise", positive),
-        ],
     };
     pending::check(options, shapes)?;
     Ok(match options.get("kind") {
         Some(kind) => kind.pending(instead),
         None => field.pending(instead),
+    })
+}
+
+fn path(options: &Table<'_>) -> Result<Path, Fault> {
+    let default = Path::default();
+    let positive = |f: Field<'_>| f.number_where("above 0", |v| v > 0.0);
+    Ok(Path {
+        samples: options.or("samples", default.samples, |f| f.whole(1..=Path::MAX_SAMPLES))?,
+        max_depth: options.or("max_depth", None, |f| f.whole(1..=u32::MAX).map(Some))?,
+        time_limit: options.or("time_limit", None, |f| positive(f).map(Some))?,
+        noise: options.or("noise", None, |f| {
+            f.number_where("above 0 and at most 1", |v| v > 0.0 && v <= 1.0).map(|v| Some(v as f32))
+        })?,
     })
 }
 

@@ -7,14 +7,8 @@ use super::table::{Field, Table};
 #[derive(Clone, Copy)]
 pub(super) enum Shape {
     Text,
-    /// A finite number that satisfies the test, which the words say.
-    Number(&'static str, fn(f64) -> bool),
     Whole(u32, u32),
     OneOf(&'static [&'static str]),
-}
-
-impl Shape {
-    pub(super) const POSITIVE: Self = Self::Number("above 0", |v| v > 0.0);
 }
 
 /// Checks the values of those keys that are there.
@@ -30,7 +24,6 @@ pub(super) fn check(table: &Table<'_>, shapes: &[(&str, Shape)]) -> Result<(), F
 fn value(field: &Field<'_>, shape: Shape) -> Result<(), Fault> {
     match shape {
         Shape::Text => field.text().map(drop),
-        Shape::Number(words, right) => field.number_where(words, right).map(drop),
         Shape::Whole(low, high) => field.whole(low..=high).map(drop),
         Shape::OneOf(words) => {
             let words: Vec<_> = words.iter().map(|w| (*w, Some(()))).collect();

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate, Opacity,
-    Orders, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate,
+    Opacity, Orders, Path as Paths, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow,
+    Sweeps,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -325,6 +326,14 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     // What sweeps do not know.
     assert_eq!(solver("content = \"phase\""), Solver::March);
     assert_eq!(solver("elimination = { kind = \"probes\", n = 3 }"), Solver::March);
+    let all = |text: &str| estimate(&format!("all = {text}")).all;
+    let path = |path| Some(AllEstimate::Path(path));
+    assert_eq!(all("\"path\""), path(Paths::default()));
+    let options = "samples = 8, max_depth = 3, time_limit = 1.5, noise = 0.25";
+    let some = Paths { samples: 8, max_depth: Some(3), time_limit: Some(1.5), noise: Some(0.25) };
+    assert_eq!(all(&format!("{{ kind = \"path\", {options} }}")), path(some));
+    let alone = estimate("all = \"path\"");
+    assert_eq!((alone.environment, alone.lights, alone.scattering), (None, None, None));
     let lights = |text: &str| estimate(&format!("lights = {text}")).lights;
     let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
     assert_eq!(lights("\"opacity\""), opacity(64, Scheme::ShortCharacteristics));
