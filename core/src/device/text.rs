@@ -11,7 +11,7 @@ use crate::stage::{
     Accumulate, AccumulateParams, BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March,
     MarchParams, MaterialRecord, MeshRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce,
     ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
+    accumulate_mode, alone, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -257,6 +257,8 @@ impl Recipe {
             ("MESH_COUNT_BITS", MeshRecord::COUNT_BITS),
             ("MESH_COUNT_MASK", MeshRecord::COUNT_MASK),
             ("BLOCK", March::BLOCK),
+            ("ALONE_NO", alone::NO),
+            ("ALONE_RIMS", alone::RIMS),
             ("JITTER_SIDE", blue_noise::SIDE),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
@@ -278,6 +280,8 @@ impl Recipe {
             ("DENSITY_MAX", LARGEST),
             ("MESH_SLACK", MeshRecord::SLACK),
             ("MESH_MARGIN", MeshRecord::MARGIN),
+            ("MARCH_RIM", March::RIM),
+            ("UNMARCHED", March::UNMARCHED),
             ("UPSAMPLE_NEAR", Upsample::NEAR),
             ("UPSAMPLE_COSINE", Upsample::COSINE),
             ("UPSAMPLE_FIT", Upsample::FIT),

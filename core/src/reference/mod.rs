@@ -25,7 +25,7 @@ mod upsample;
 pub use accumulate::{AccumulateInputs, accumulate};
 pub use brute::{BruteForce, BruteSettings};
 pub use inject::{InjectInputs, inject};
-pub use march::{MarchInputs, march};
+pub use march::{MarchInputs, march, near_rim};
 pub use project::{ProjectInputs, project};
 pub use propagate::{PropagateInputs, propagate};
 pub use reduce::{ReduceInputs, reduce};

@@ -22,7 +22,7 @@ pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
 pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
-pub use march::{LightRecord, March, MarchParams, shadow_kind};
+pub use march::{LightRecord, March, MarchParams, alone, shadow_kind};
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
