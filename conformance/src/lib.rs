@@ -35,6 +35,7 @@ mod limits;
 pub mod pictures;
 mod record;
 mod report;
+mod rooms;
 pub mod sequences;
 mod sidecar;
 mod stages;
@@ -134,6 +135,7 @@ pub fn cases() -> Vec<Case> {
         closed::cases(),
         columns::cases(),
         surfaces::cases(),
+        rooms::cases(),
         frames::cases(),
         estimators::cases(),
         keys::cases(),

@@ -44,6 +44,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     const FLOOR: &str = "surfaces::floor_under_a_lamp_in_fog";
     const FRAMES: &str = "frames::as_the_processor";
     const SEQUENCES: &str = "sequence::as_the_processor";
+    const CREASES: &str = "rooms::creases";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -76,9 +77,12 @@ fn proof(choice: &str) -> Vec<Trial> {
             trials.push(Trial::test(name, move || noticed(&subject, group(pictures))));
         }
     }
+    let subject = broken(choice, "upsample", Fault::Blind("normals"));
+    let name = format!("{choice}::whole_pictures_notice::{}", subject.name());
+    trials.push(Trial::test(name, move || noticed(&subject, group(CREASES))));
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SEQUENCES];
+        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SEQUENCES, CREASES];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }

@@ -8,6 +8,7 @@
 mod accumulate;
 pub mod brute;
 pub mod closed;
+mod facets;
 mod inject;
 mod lookup;
 mod march;
