@@ -60,7 +60,7 @@ impl Frame {
             Self::RecordsStatic | Self::Direct => &["march"],
             Self::RecordsDynamicLight => &["relight", "march"],
             Self::RecordsDynamicMedium => &["reduce", "project", "relight", "reduce", "march"],
-            Self::Surfaces => &["shade", "march"],
+            Self::Surfaces => &["shadow", "shade", "march"],
             Self::Sequence => &["march", "accumulate", "upsample"],
         }
     }
