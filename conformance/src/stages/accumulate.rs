@@ -73,7 +73,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     (params.width, params.height, params.scale) = (width, height, set.scale);
     (params.full_width, params.full_height) = (now.width, now.height);
     (params.mode, params.most) = (set.mode, set.most);
-    let passed = |x: u32, y: u32| set.unmarched && (x + 2 * y) / 5 % 3 == 0;
+    let passed = |x: u32, y: u32| set.unmarched && ((x + 2 * y) / 5).is_multiple_of(3);
     let medium_now = medium(width, height, 61, |x, y| if passed(x, y) { March::UNMARCHED } else { distance(x, y) });
     // The same surfaces a little off, so that some fit, some in part and some not.
     let last: Vec<[f32; 4]> =
