@@ -9,6 +9,8 @@ typedef struct {
     float stopped;
     float stopped_at;
     float weight;
+    // How much of the nearest pixels, by their bilinear weights, was marched.
+    float marched;
 } Medium;
 
 // A film smaller than the picture: the one near rims, or the one of everything.
@@ -20,6 +22,7 @@ typedef struct {
 } Small;
 
 Small small(const Bound *bound, uint scale, bool rims);
+Medium mixed(Medium fine, Medium whole);
 Medium around(const Bound *bound, uint x, uint y, Small small, float distance);
 uint first(Small small, uint n);
 uint stands(Small small, uint n, uint size);
@@ -48,12 +51,12 @@ void run_upsample(const Bound *bound) {
     size_t pixel = (size_t)y * full_width + x;
     float distance = fmin(seen(bound, pixel, 0u).w, FAR);
     Medium found;
-    found.weight = 0.0f;
+    found.marched = 0.0f;
     if (has_rims) {
         found = around(bound, x, y, small(bound, bound->params->scale / 2u, true), distance);
     }
-    if (found.weight == 0.0f) {
-        found = around(bound, x, y, small(bound, bound->params->scale, false), distance);
+    if (found.marched < 1.0f) {
+        found = mixed(found, around(bound, x, y, small(bound, bound->params->scale, false), distance));
     }
     float3 radiance = found.radiance / found.weight;
     float3 transmittance = found.transmittance / found.weight;
@@ -74,7 +77,24 @@ Small small(const Bound *bound, uint scale, bool rims) {
     return found;
 }
 
-// The medium in a pixel whose surface is so far away; of no weight where not all of the nearest pixels were marched.
+// As much of one film as was marched of it, and the rest of another.
+Medium mixed(Medium fine, Medium whole) {
+    if (fine.marched == 0.0f) {
+        return whole;
+    }
+    float a = fine.marched / fine.weight;
+    float b = (1.0f - fine.marched) / whole.weight;
+    Medium sum;
+    sum.radiance = a * fine.radiance + b * whole.radiance;
+    sum.transmittance = a * fine.transmittance + b * whole.transmittance;
+    sum.stopped = a * fine.stopped + b * whole.stopped;
+    sum.stopped_at = a * fine.stopped_at + b * whole.stopped_at;
+    sum.weight = 1.0f;
+    sum.marched = 1.0f;
+    return sum;
+}
+
+// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
 Medium around(const Bound *bound, uint x, uint y, Small small, float distance) {
     uint full_width = bound->params->full_width;
     uint full_height = bound->params->full_height;
@@ -90,6 +110,7 @@ Medium around(const Bound *bound, uint x, uint y, Small small, float distance) {
     none.stopped = 0.0f;
     none.stopped_at = 0.0f;
     none.weight = 0.0f;
+    none.marched = 0.0f;
     Medium sum = none;
     for (uint i = 0u; i < 4u; i++) {
         bool right = i % 2u == 1u;
@@ -98,12 +119,14 @@ Medium around(const Bound *bound, uint x, uint y, Small small, float distance) {
         uint sy = below ? y1 : y0;
         float share = (right ? fx : 1.0f - fx) * (below ? fy : 1.0f - fy);
         float other = held(bound, small, sx, sy, 0u).w;
-        if (share > 0.0f && other < 0.0f) {
-            return none;
+        if (other < 0.0f) {
+            continue;
         }
+        sum.marched += share;
         add(bound, &sum, small, sx, sy, share * fit(distance, other) * alike(bound, x, y, small, sx, sy));
     }
-    if (sum.weight >= UPSAMPLE_FIT) {
+    float marched = sum.marched;
+    if (marched == 0.0f || sum.weight >= UPSAMPLE_FIT) {
         return sum;
     }
     float least = FAR;
@@ -119,6 +142,7 @@ Medium around(const Bound *bound, uint x, uint y, Small small, float distance) {
         }
     }
     sum = none;
+    sum.marched = marched;
     add(bound, &sum, small, at.x, at.y, 1.0f);
     return sum;
 }

@@ -8,6 +8,8 @@ struct Medium {
     stopped: f32,
     stopped_at: f32,
     weight: f32,
+    // How much of the nearest pixels, by their bilinear weights, was marched.
+    marched: f32,
 }
 
 // A film smaller than the picture: the one near rims, or the one of everything.
@@ -34,12 +36,12 @@ fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) 
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.full_width + x;
     let distance = min(seen(pixel, 0u).w, FAR);
-    var found = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0);
+    var found = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
     if has_rims {
         found = around(x, y, small(params.scale / 2u, true), distance);
     }
-    if found.weight == 0.0 {
-        found = around(x, y, small(params.scale, false), distance);
+    if found.marched < 1.0 {
+        found = mixed(found, around(x, y, small(params.scale, false), distance));
     }
     let radiance = found.radiance / found.weight;
     let transmittance = found.transmittance / found.weight;
@@ -58,7 +60,20 @@ fn small(scale: u32, rims: bool) -> Small {
     return Small(scale, (params.full_width + scale - 1u) / scale, (params.full_height + scale - 1u) / scale, rims);
 }
 
-// The medium in a pixel whose surface is so far away; of no weight where not all of the nearest pixels were marched.
+// As much of one film as was marched of it, and the rest of another.
+fn mixed(fine: Medium, whole: Medium) -> Medium {
+    if fine.marched == 0.0 {
+        return whole;
+    }
+    let a = fine.marched / fine.weight;
+    let b = (1.0 - fine.marched) / whole.weight;
+    let radiance = a * fine.radiance + b * whole.radiance;
+    let transmittance = a * fine.transmittance + b * whole.transmittance;
+    let stopped = a * fine.stopped + b * whole.stopped;
+    return Medium(radiance, transmittance, stopped, a * fine.stopped_at + b * whole.stopped_at, 1.0, 1.0);
+}
+
+// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
 fn around(x: u32, y: u32, small: Small, distance: f32) -> Medium {
     let x0 = first(small, x);
     let y0 = first(small, y);
@@ -66,7 +81,7 @@ fn around(x: u32, y: u32, small: Small, distance: f32) -> Medium {
     let y1 = min(y0 + 1u, small.height - 1u);
     let fx = part(x, stands(small, x0, params.full_width), stands(small, x1, params.full_width));
     let fy = part(y, stands(small, y0, params.full_height), stands(small, y1, params.full_height));
-    let none = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0);
+    let none = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
     var sum = none;
     for (var i = 0u; i < 4u; i++) {
         let right = i % 2u == 1u;
@@ -75,12 +90,14 @@ fn around(x: u32, y: u32, small: Small, distance: f32) -> Medium {
         let sy = select(y0, y1, below);
         let share = select(1.0 - fx, fx, right) * select(1.0 - fy, fy, below);
         let other = held(small, sx, sy, 0u).w;
-        if share > 0.0 && other < 0.0 {
-            return none;
+        if other < 0.0 {
+            continue;
         }
+        sum.marched += share;
         add(&sum, small, sx, sy, share * fit(distance, other) * alike(x, y, small, sx, sy));
     }
-    if sum.weight >= UPSAMPLE_FIT {
+    let marched = sum.marched;
+    if marched == 0.0 || sum.weight >= UPSAMPLE_FIT {
         return sum;
     }
     var least = FAR;
@@ -96,6 +113,7 @@ fn around(x: u32, y: u32, small: Small, distance: f32) -> Medium {
         }
     }
     sum = none;
+    sum.marched = marched;
     add(&sum, small, at.x, at.y, 1.0);
     return sum;
 }

@@ -47,6 +47,8 @@ struct Medium {
     stopped: f32,
     stopped_at: f32,
     weight: f32,
+    /// How much of the nearest pixels, by their bilinear weights, was marched.
+    marched: f32,
 }
 
 pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
@@ -107,8 +109,9 @@ fn upsample(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]) {
         if !inputs.rims.is_empty() {
             found = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale / 2, inputs.rims), distance);
         }
-        if found.weight == 0.0 {
-            found = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale, inputs.medium), distance);
+        if found.marched < 1.0 {
+            let whole = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale, inputs.medium), distance);
+            found = mixed(found, whole);
         }
         let through = triple!(c => found.transmittance[c] / found.weight);
         let color = triple!(c => found.radiance[c] / found.weight + through[c] * behind[c].0[i]);
@@ -123,7 +126,23 @@ fn small<'a>(p: &UpsampleParams, scale: u32, film: &'a [Pixel]) -> Small<'a> {
     Small { scale, width: p.full_width.div_ceil(scale), height: p.full_height.div_ceil(scale), film }
 }
 
-/// The medium in a pixel whose surface is so far away; of no weight where not all of the nearest pixels were marched.
+/// As much of one film as was marched of it, and the rest of another.
+fn mixed(fine: Medium, whole: Medium) -> Medium {
+    if fine.marched == 0.0 {
+        return whole;
+    }
+    let (a, b) = (fine.marched / fine.weight, (1.0 - fine.marched) / whole.weight);
+    Medium {
+        radiance: triple!(c => a * fine.radiance[c] + b * whole.radiance[c]),
+        transmittance: triple!(c => a * fine.transmittance[c] + b * whole.transmittance[c]),
+        stopped: a * fine.stopped + b * whole.stopped,
+        stopped_at: a * fine.stopped_at + b * whole.stopped_at,
+        weight: 1.0,
+        marched: 1.0,
+    }
+}
+
+/// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
 fn around(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, distance: f32) -> Medium {
     let p = inputs.p;
     let (x0, y0) = (first(small, x), first(small, y));
@@ -135,12 +154,13 @@ fn around(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, distance: f32
         [(x0, y0, (1.0 - fx) * (1.0 - fy)), (x1, y0, fx * (1.0 - fy)), (x0, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)]
     {
         let [[.., other], _] = held(small, sx, sy);
-        if share > 0.0 && other < 0.0 {
-            return Medium::default();
+        if other < 0.0 {
+            continue;
         }
+        sum.marched += share;
         add(&mut sum, small, sx, sy, share * fit(distance, other) * alike(inputs, [x, y], small, [sx, sy]));
     }
-    if sum.weight >= Upsample::FIT {
+    if sum.marched == 0.0 || sum.weight >= Upsample::FIT {
         return sum;
     }
     let (mut least, mut at) = (FAR, [x0, y0]);
@@ -153,7 +173,7 @@ fn around(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, distance: f32
             (least, at) = (apart, [sx, sy]);
         }
     }
-    sum = Medium::default();
+    sum = Medium { marched: sum.marched, ..Medium::default() };
     add(&mut sum, small, at[0], at[1], 1.0);
     sum
 }
