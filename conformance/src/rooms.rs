@@ -22,8 +22,8 @@ pub(crate) fn cases() -> Vec<Case> {
     vec![
         Case::new(
             "rooms::cornell_box",
-            "A Cornell box with a medium and a lamp inside is brute force's: walls and blocks lit through the medium, and \
-             the medium lit past the blocks.",
+            "A Cornell box with a medium and a lamp inside is brute force's: walls and blocks lit through the medium, \
+             and the medium lit past the blocks.",
             cornell_box,
         )
         .within(&tolerance::CORNELL_BOX)

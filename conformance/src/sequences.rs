@@ -198,8 +198,8 @@ pub fn small(subject: &Subject, scene: &Scene, truth: Option<&Film>) -> Result<[
     Ok([(1, &rendered[0]), (2, &rendered[1]), (4, &rendered[2])].map(small))
 }
 
-/// How many rays are marched at a scale for each pixel of the picture: those of the small film and, at more than 2, those
-/// near rims.
+/// How many rays are marched at a scale for each pixel of the picture: those of the small film and, at more than 2,
+/// those near rims.
 fn rays(scene: &Scene, scale: u32) -> f64 {
     let mut params = MarchParams::zeroed();
     (params.full_width, params.full_height) = (scene.camera.width, scene.camera.height);
@@ -252,8 +252,8 @@ fn small_marches(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let [_, half, quarter] = small(subject, &scene, None)?;
     record.score("away from rims, quarter size", "relative L2 error", quarter.away, 0.03);
     check!(half.along > 1e-4, "half the size is off by {:e} along rims: the case tries nothing", half.along);
-    // Near rims a quarter's picture is marched as half's is, in all of the band where a rim stands still. Where something
-    // moves, what comes near one begins a mean there, with more noise than the one that half's goes on with.
+    // Near rims a quarter's picture is marched as half's is, in all of the band where a rim stands still. Where
+    // something moves, what comes near one begins a mean there, with more noise than the one that half's goes on with.
     record.score("along rims, quarter over half size", "ratio of errors", quarter.along / half.along, 2.0);
     record.score("rays, quarter over half size", "ratio", quarter.rays / half.rays, 0.75);
     let mut scene = in_steps(&scene, 32, Jitter::BlueNoise, true);
@@ -297,8 +297,8 @@ fn follow(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         record.each(&kinds(), |record, quality| {
             let mut scene = beam(45, 35)?;
             scene.quality = *quality;
-            // A ball in the clouds, where rims are marched by themselves. It is black: the beam's narrow rim on a surface is
-            // only as good as the angle.
+            // A ball in the clouds, where rims are marched by themselves. It is black: the beam's narrow rim on a
+            // surface is only as good as the angle.
             let black = Material { diffuse: Vec3::ZERO, ..Material::default() };
             let shell = || ball(DVec3::new(0.3, 0.1, 0.5), 0.3, 4, black);
             scene.surfaces = (quality.scale == 4).then(|| Arc::new(shell()));

@@ -101,9 +101,9 @@ tolerances! {
 
     /// A room with a medium and a lamp inside against brute force.
     CORNELL_BOX { 1e-4, f64::INFINITY,
-        "Each ray takes 400 steps, of which one is cut at each edge of a shadow: at most half a step's light is too much or \
-         too little, 10⁻³ of what the medium sends along a ray, of either sign from pixel to pixel, 2·10⁻⁵ of the picture as \
-         measured. Places at the walls are good to 10⁻⁶ m." }
+        "Each ray takes 400 steps, of which one is cut at each edge of a shadow: at most half a step's light is too \
+         much or too little, 10⁻³ of what the medium sends along a ray, of either sign from pixel to pixel, 2·10⁻⁵ of \
+         the picture as measured. Places at the walls are good to 10⁻⁶ m." }
 
     /// Single scattering in a homogeneous box, by steps of 1/64 of its shortest side.
     LIT_BOX { 2e-3, f64::INFINITY,

@@ -1,11 +1,11 @@
 //! Brute force over a whole scene, in f64: all light that the medium scatters at most once.
 //!
 //! It knows nothing of stages, estimators, records or step lengths. A trilinear field is a cubic along a ray between
-//! two planes of its lattice, so columns of density are exact: the ray is cut at every plane and two Gauss points
-//! serve each piece. View rays are cut as well where they pass a plane of a light and an edge of a surface, so that no piece
+//! two planes of its lattice, so columns of density are exact: the ray is cut at every plane and two Gauss points serve
+//! each piece. View rays are cut as well where they pass a plane of a light and an edge of a surface, so that no piece
 //! is lit in part, and beside a light at distances from it that double. Each of their pieces takes
-//! [`BruteSettings::nodes`] Gauss points. The sphere is cut into texels of the environment, and those into as many parts
-//! as make [`BruteSettings::rows`] rows.
+//! [`BruteSettings::nodes`] Gauss points. The sphere is cut into texels of the environment, and those into as many
+//! parts as make [`BruteSettings::rows`] rows.
 
 use std::f64::consts::PI;
 

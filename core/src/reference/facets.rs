@@ -51,8 +51,8 @@ impl<'s> Facets<'s> {
         facing * (material.diffuse.as_dvec3() / PI + lobe * material.specular.as_dvec3())
     }
 
-    /// Where the ray from `x` along `d` may pass into the shadow of a light or out of it: where it crosses the plane of a
-    /// triangle's edge and the light.
+    /// Where the ray from `x` along `d` may pass into the shadow of a light or out of it: where it crosses the plane of
+    /// a triangle's edge and the light.
     pub(super) fn edges(&self, x: DVec3, d: DVec3, light: &Light) -> Vec<f64> {
         let Some((_, all)) = self.0 else { return Vec::new() };
         let triangles = all.records()[2 * all.nodes() as usize..].chunks_exact(6);

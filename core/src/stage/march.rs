@@ -23,9 +23,9 @@
 //! place. Such a film may be smaller than the picture, by `scale` along each side: the ray of pixel (x, y) is that of
 //! pixel (min(x·`scale` + `scale`/2, `full_width` - 1), …) of the full picture, whose surface ends it.
 //!
-//! Of such a film only what lies near rims may be marched ([`alone::RIMS`]): pixels where, of the surfaces of five by five
-//! pixels of the film around, the nearest is nearer than [`March::RIM`] of the farthest. All others are left black and
-//! clear, with [`March::UNMARCHED`] in alpha's place.
+//! Of such a film only what lies near rims may be marched ([`alone::RIMS`]): pixels where, of the surfaces of five by
+//! five pixels of the film around, the nearest is nearer than [`March::RIM`] of the farthest. All others are left black
+//! and clear, with [`March::UNMARCHED`] in alpha's place.
 //!
 //! The work axis is the blocks of 8×8 pixels, row by row.
 //!

@@ -8,9 +8,9 @@
 //! at 1, unless one of the two has none. Where the weights add up to less than [`Upsample::FIT`], that pixel of the four by four nearest serves alone whose
 //! inverse distance differs least. Depths are weighed with what is stopped, 1 - mean T.
 //!
-//! Where there are `rims`, a film of half the scale that [`March`] made near rims alone, it serves in the small film's place by
-//! as much as those of its two by two nearest that were marched have of their bilinear weights; what was not marched is
-//! passed over.
+//! Where there are `rims`, a film of half the scale that [`March`] made near rims alone, it serves in the small film's
+//! place by as much as those of its two by two nearest that were marched have of their bilinear weights; what was not
+//! marched is passed over.
 //!
 //! Behind the medium lies, times T, the mean over the sub-pixel positions of the surface's radiance where there is one, else
 //! of the visible environment. The surface that is fitted is that of the first position.
