@@ -59,6 +59,13 @@ void run_accumulate(const Bound *bound) {
         }
         now.count = count + 1.0f;
     }
+    if (light.w < 0.0f) {
+        // It was not marched.
+        now.radiance = light.xyz;
+        now.count = 0.0f;
+        now.transmittance = through.xyz;
+        now.depth = through.w;
+    }
     bound->next[3u * at] = (float4)(now.radiance, now.count);
     bound->next[3u * at + 1u] = (float4)(now.transmittance, now.depth);
     bound->next[3u * at + 2u] = (float4)(light.w, 0.0f, 0.0f, 0.0f);
@@ -170,6 +177,9 @@ Past clamped(const Bound *bound, Past past, uint x, uint y) {
         uint column = min(max(x + i % 3u, 1u) - 1u, bound->params->width - 1u);
         uint row = min(max(y + i / 3u, 1u) - 1u, bound->params->height - 1u);
         size_t at = 2u * ((size_t)row * bound->params->width + column);
+        if (bound->medium[at].w < 0.0f) {
+            continue;
+        }
         least = fmin(least, bound->medium[at].xyz);
         most = fmax(most, bound->medium[at].xyz);
         thinnest = fmin(thinnest, bound->medium[at + 1u].xyz);

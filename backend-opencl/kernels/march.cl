@@ -18,6 +18,7 @@ typedef struct {
     float3 emission;
 } Optics;
 
+bool rim(const Bound *bound, uint x, uint y);
 float jitter(const Bound *bound, uint x, uint y, uint s);
 Path enter(const Bound *bound, float3 direction, float limit, float place);
 void resume(const Bound *bound, Path *path, size_t pixel);
@@ -61,6 +62,11 @@ void run_march(const Bound *bound) {
         return;
     }
     size_t pixel = (size_t)y * width + x;
+    if (bound->params->alone == ALONE_RIMS && !rim(bound, x, y)) {
+        bound->film[2u * pixel] = (float4)(0.0f, 0.0f, 0.0f, UNMARCHED);
+        bound->film[2u * pixel + 1u] = (float4)(1.0f, 1.0f, 1.0f, INFINITY);
+        return;
+    }
     // The same pixel of the full picture.
     uint scale = bound->params->scale;
     uint full_width = bound->params->full_width;
@@ -103,7 +109,7 @@ void run_march(const Bound *bound) {
             return;
         }
         float3 behind = (float3)(0.0f);
-        if (bound->params->alone == 1u) {
+        if (bound->params->alone != ALONE_NO) {
             behind = (float3)(0.0f);
         } else if (limit < FAR) {
             behind = seen.xyz;
@@ -124,7 +130,7 @@ void run_march(const Bound *bound) {
     float mean = (transmitted.x + transmitted.y + transmitted.z) * (share / 3.0f);
     float depth = stopped > 0.0f ? stopped_at / stopped : INFINITY;
     float last = 1.0f - mean;
-    if (bound->params->alone == 1u) {
+    if (bound->params->alone != ALONE_NO) {
         last = FAR;
         if (has_surface) {
             last = fmin(bound->surface[full * bound->params->surface_samples].w, FAR);
@@ -132,6 +138,27 @@ void run_march(const Bound *bound) {
     }
     bound->film[2u * pixel] = (float4)(color * share, last);
     bound->film[2u * pixel + 1u] = (float4)(transmitted * share, depth);
+}
+
+// Whether a rim is near a pixel: of the surfaces of five by five pixels around, the nearest and the farthest.
+bool rim(const Bound *bound, uint x, uint y) {
+    uint scale = bound->params->scale;
+    uint full_width = bound->params->full_width;
+    float nearest = FAR;
+    float farthest = 0.0f;
+    for (uint i = 0u; i < 25u; i++) {
+        uint column = min(max(x + i % 5u, 2u) - 2u, bound->params->width - 1u);
+        uint row = min(max(y + i / 5u, 2u) - 2u, bound->params->height - 1u);
+        uint fx = min(column * scale + scale / 2u, full_width - 1u);
+        uint fy = min(row * scale + scale / 2u, bound->params->full_height - 1u);
+        float distance = FAR;
+        if (has_surface) {
+            distance = fmin(bound->surface[(size_t)fy * full_width + fx].w, FAR);
+        }
+        nearest = fmin(nearest, distance);
+        farthest = fmax(farthest, distance);
+    }
+    return nearest < MARCH_RIM * farthest;
 }
 
 // Where the samples of a sub-pixel position of a pixel lie within their steps.

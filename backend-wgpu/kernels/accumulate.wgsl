@@ -50,6 +50,10 @@ fn accumulate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id
         }
         now.count = count + 1.0;
     }
+    if light.w < 0.0 {
+        // It was not marched.
+        now = Past(light.xyz, 0.0, through.xyz, through.w, FAR);
+    }
     // What is written is bound from a row of blocks on.
     let place = at - launch.first * BLOCK * params.width;
     next[3u * place] = vec4<f32>(now.radiance, now.count);
@@ -140,6 +144,9 @@ fn clamped(past: Past, x: u32, y: u32) -> Past {
         let column = min(max(x + i % 3u, 1u) - 1u, params.width - 1u);
         let row = min(max(y + i / 3u, 1u) - 1u, params.height - 1u);
         let at = 2u * (row * params.width + column);
+        if medium[at].w < 0.0 {
+            continue;
+        }
         least = min(least, medium[at].xyz);
         most = max(most, medium[at].xyz);
         thinnest = min(thinnest, medium[at + 1u].xyz);

@@ -38,10 +38,17 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.width + x;
+    if params.alone == ALONE_RIMS && !rim(x, y) {
+        film[2u * pixel] = vec4<f32>(0.0, 0.0, 0.0, UNMARCHED);
+        film[2u * pixel + 1u] = vec4<f32>(1.0, 1.0, 1.0, launch.infinity);
+        return;
+    }
     // The same pixel of the full picture.
     let fx = min(x * params.scale + params.scale / 2u, params.full_width - 1u);
     let fy = min(y * params.scale + params.scale / 2u, params.full_height - 1u);
-    let full = (fy - launch.first * BLOCK * params.scale) * params.full_width + fx;
+    // Near rims all surfaces are bound.
+    let above = select(launch.first * BLOCK * params.scale, 0u, params.alone == ALONE_RIMS);
+    let full = (fy - above) * params.full_width + fx;
     var color = vec3<f32>(0.0);
     var transmitted = vec3<f32>(0.0);
     var stopped = 0.0;
@@ -76,7 +83,7 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
             return;
         }
         var behind = vec3<f32>(0.0);
-        if params.alone == 1u {
+        if params.alone != ALONE_NO {
             behind = vec3<f32>(0.0);
         } else if limit < FAR {
             behind = seen.xyz;
@@ -100,7 +107,7 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         depth = stopped_at / stopped;
     }
     var last = 1.0 - mean;
-    if params.alone == 1u {
+    if params.alone != ALONE_NO {
         last = FAR;
         if has_surface {
             last = min(surface[full * params.surface_samples].w, FAR);
@@ -108,6 +115,25 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     film[2u * pixel] = vec4<f32>(color * scale, last);
     film[2u * pixel + 1u] = vec4<f32>(transmitted * scale, depth);
+}
+
+// Whether a rim is near a pixel: of the surfaces of five by five pixels around, the nearest and the farthest.
+fn rim(x: u32, y: u32) -> bool {
+    var nearest = FAR;
+    var farthest = 0.0;
+    for (var i = 0u; i < 25u; i++) {
+        let column = min(max(x + i % 5u, 2u) - 2u, params.width - 1u);
+        let row = min(max(y + i / 5u, 2u) - 2u, params.height - 1u);
+        let fx = min(column * params.scale + params.scale / 2u, params.full_width - 1u);
+        let fy = min(row * params.scale + params.scale / 2u, params.full_height - 1u);
+        var distance = FAR;
+        if has_surface {
+            distance = min(surface[fy * params.full_width + fx].w, FAR);
+        }
+        nearest = min(nearest, distance);
+        farthest = max(farthest, distance);
+    }
+    return nearest < MARCH_RIM * farthest;
 }
 
 // Where the samples of a sub-pixel position of a pixel lie within their steps.

@@ -1,6 +1,6 @@
 // `upsample`: the picture from a film of the medium alone. One workgroup a block of BLOCK×BLOCK pixels.
 
-// Sums over pixels of the small film.
+// Sums over pixels of a small film.
 struct Medium {
     radiance: vec3<f32>,
     transmittance: vec3<f32>,
@@ -8,6 +8,16 @@ struct Medium {
     stopped: f32,
     stopped_at: f32,
     weight: f32,
+    // How much of the nearest pixels, by their bilinear weights, was marched.
+    marched: f32,
+}
+
+// A film smaller than the picture: the one near rims, or the one of everything.
+struct Small {
+    scale: u32,
+    width: u32,
+    height: u32,
+    rims: bool,
 }
 
 @compute @workgroup_size(BLOCK, BLOCK)
@@ -25,7 +35,14 @@ fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) 
     }
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.full_width + x;
-    let found = around(x, y, min(seen(pixel, 0u).w, FAR));
+    let distance = min(seen(pixel, 0u).w, FAR);
+    var found = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
+    if has_rims {
+        found = around(x, y, small(params.scale / 2u, true), distance);
+    }
+    if found.marched < 1.0 {
+        found = mixed(found, around(x, y, small(params.scale, false), distance));
+    }
     let radiance = found.radiance / found.weight;
     let transmittance = found.transmittance / found.weight;
     var depth = launch.infinity;
@@ -38,52 +55,77 @@ fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) 
     film[2u * pixel + 1u] = vec4<f32>(transmittance, depth);
 }
 
-// The medium in a pixel whose surface is so far away.
-fn around(x: u32, y: u32, distance: f32) -> Medium {
-    let x0 = first(x);
-    let y0 = first(y);
-    let x1 = min(x0 + 1u, params.width - 1u);
-    let y1 = min(y0 + 1u, params.height - 1u);
-    let fx = part(x, stands(x0, params.full_width), stands(x1, params.full_width));
-    let fy = part(y, stands(y0, params.full_height), stands(y1, params.full_height));
-    var sum = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0);
+// A film of so many pixels of the picture along each side of one of its own.
+fn small(scale: u32, rims: bool) -> Small {
+    return Small(scale, (params.full_width + scale - 1u) / scale, (params.full_height + scale - 1u) / scale, rims);
+}
+
+// As much of one film as was marched of it, and the rest of another.
+fn mixed(fine: Medium, whole: Medium) -> Medium {
+    if fine.marched == 0.0 {
+        return whole;
+    }
+    let a = fine.marched / fine.weight;
+    let b = (1.0 - fine.marched) / whole.weight;
+    let radiance = a * fine.radiance + b * whole.radiance;
+    let transmittance = a * fine.transmittance + b * whole.transmittance;
+    let stopped = a * fine.stopped + b * whole.stopped;
+    return Medium(radiance, transmittance, stopped, a * fine.stopped_at + b * whole.stopped_at, 1.0, 1.0);
+}
+
+// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
+fn around(x: u32, y: u32, small: Small, distance: f32) -> Medium {
+    let x0 = first(small, x);
+    let y0 = first(small, y);
+    let x1 = min(x0 + 1u, small.width - 1u);
+    let y1 = min(y0 + 1u, small.height - 1u);
+    let fx = part(x, stands(small, x0, params.full_width), stands(small, x1, params.full_width));
+    let fy = part(y, stands(small, y0, params.full_height), stands(small, y1, params.full_height));
+    let none = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
+    var sum = none;
     for (var i = 0u; i < 4u; i++) {
         let right = i % 2u == 1u;
         let below = i / 2u == 1u;
         let sx = select(x0, x1, right);
         let sy = select(y0, y1, below);
         let share = select(1.0 - fx, fx, right) * select(1.0 - fy, fy, below);
-        let weight = share * fit(distance, medium[2u * (sy * params.width + sx)].w) * alike(x, y, sx, sy);
-        add(&sum, sx, sy, weight);
+        let other = held(small, sx, sy, 0u).w;
+        if other < 0.0 {
+            continue;
+        }
+        sum.marched += share;
+        add(&sum, small, sx, sy, share * fit(distance, other) * alike(x, y, small, sx, sy));
     }
-    if sum.weight >= UPSAMPLE_FIT {
+    let marched = sum.marched;
+    if marched == 0.0 || sum.weight >= UPSAMPLE_FIT {
         return sum;
     }
     var least = FAR;
     var at = vec2<u32>(x0, y0);
     for (var i = 0u; i < 16u; i++) {
-        let sx = min(max(x0 + i % 4u, 1u) - 1u, params.width - 1u);
-        let sy = min(max(y0 + i / 4u, 1u) - 1u, params.height - 1u);
-        let other = medium[2u * (sy * params.width + sx)].w;
+        let sx = min(max(x0 + i % 4u, 1u) - 1u, small.width - 1u);
+        let sy = min(max(y0 + i / 4u, 1u) - 1u, small.height - 1u);
+        let other = held(small, sx, sy, 0u).w;
         let apart = abs(1.0 / max(distance, 1e-6) - 1.0 / max(other, 1e-6));
-        if apart < least {
+        if other >= 0.0 && apart < least {
             least = apart;
             at = vec2<u32>(sx, sy);
         }
     }
-    sum = Medium(vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0);
-    add(&sum, at.x, at.y, 1.0);
+    sum = none;
+    sum.marched = marched;
+    add(&sum, small, at.x, at.y, 1.0);
     return sum;
 }
 
-// The pixel of the small film at or before pixel `n` of the full picture, along one side; the first one before it.
-fn first(n: u32) -> u32 {
-    return (max(n, params.scale / 2u) - params.scale / 2u) / params.scale;
+// The pixel of a small film at or before pixel `n` of the full picture, along one side; the first one before it.
+fn first(small: Small, n: u32) -> u32 {
+    return (max(n, small.scale / 2u) - small.scale / 2u) / small.scale;
 }
 
-// Where pixel `n` of the small film stands among `size` pixels.
-fn stands(n: u32, size: u32) -> u32 {
-    return min(n * params.scale + params.scale / 2u, size - 1u);
+// Where pixel `n` of a small film stands among `size` pixels.
+fn stands(small: Small, n: u32, size: u32) -> u32 {
+    return min(n * small.scale + small.scale / 2u, size - 1u);
 }
 
 // How far `n` is on its way from `a` to `b`.
@@ -100,12 +142,12 @@ fn fit(a: f32, b: f32) -> f32 {
     return clamp(2.0 - nearer / UPSAMPLE_NEAR, 0.0, 1.0);
 }
 
-// How well the normals in a pixel and in one of the small film fit.
-fn alike(x: u32, y: u32, sx: u32, sy: u32) -> f32 {
+// How well the normals in a pixel and in one of a small film fit.
+fn alike(x: u32, y: u32, small: Small, sx: u32, sy: u32) -> f32 {
     if !has_normals {
         return 1.0;
     }
-    let other = stands(sy, params.full_height) * params.full_width + stands(sx, params.full_width);
+    let other = stands(small, sy, params.full_height) * params.full_width + stands(small, sx, params.full_width);
     let here = normals[(y * params.full_width + x) * params.normals_each].xyz;
     let there = normals[other * params.normals_each].xyz;
     if dot(here, here) == 0.0 || dot(there, there) == 0.0 {
@@ -114,11 +156,19 @@ fn alike(x: u32, y: u32, sx: u32, sy: u32) -> f32 {
     return clamp((dot(here, there) - UPSAMPLE_COSINE) / (1.0 - UPSAMPLE_COSINE), 0.0, 1.0);
 }
 
-// Adds a pixel of the small film.
-fn add(sum: ptr<function, Medium>, sx: u32, sy: u32, weight: f32) {
-    let at = 2u * (sy * params.width + sx);
-    let light = medium[at];
-    let through = medium[at + 1u];
+// One of the two vectors of a pixel of a small film.
+fn held(small: Small, sx: u32, sy: u32, half: u32) -> vec4<f32> {
+    let at = 2u * (sy * small.width + sx) + half;
+    if has_rims && small.rims {
+        return rims[at];
+    }
+    return medium[at];
+}
+
+// Adds a pixel of a small film.
+fn add(sum: ptr<function, Medium>, small: Small, sx: u32, sy: u32, weight: f32) {
+    let light = held(small, sx, sy, 0u);
+    let through = held(small, sx, sy, 1u);
     (*sum).radiance += weight * light.xyz;
     (*sum).transmittance += weight * through.xyz;
     (*sum).weight += weight;

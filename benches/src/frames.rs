@@ -9,8 +9,8 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Image, Light};
 use airlight::media::{Medium, Optics};
 use airlight::scene::{
-    Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Quality, Records, ScatteringEstimate, Scene,
-    Solver, Sweeps,
+    Content, Direct, EnvironmentEstimate, Estimate, Jitter, LightsEstimate, Material, Quality, Records,
+    ScatteringEstimate, Scene, Shape, Solver, Sweeps,
 };
 
 use crate::{View, medium};
@@ -28,12 +28,23 @@ pub enum Frame {
     Direct,
     /// The same with all orders of scattering.
     Scattering,
+    /// The same in and around a room, which the light shines on and which shadows it.
+    Surfaces,
+    /// The same as a sequence: 32 jittered steps, half the size, accumulated; the eye moves.
+    Sequence,
 }
 
 impl Frame {
     /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::RecordsStatic, Self::RecordsDynamicLight, Self::RecordsDynamicMedium, Self::Direct, Self::Scattering];
+    pub const ALL: [Self; 7] = [
+        Self::RecordsStatic,
+        Self::RecordsDynamicLight,
+        Self::RecordsDynamicMedium,
+        Self::Direct,
+        Self::Scattering,
+        Self::Surfaces,
+        Self::Sequence,
+    ];
 
     /// Its name in reports.
     pub fn name(self) -> &'static str {
@@ -43,6 +54,8 @@ impl Frame {
             Self::RecordsDynamicMedium => "records-dynamic-medium",
             Self::Direct => "direct",
             Self::Scattering => "scattering",
+            Self::Surfaces => "surfaces",
+            Self::Sequence => "sequence",
         }
     }
 
@@ -53,6 +66,8 @@ impl Frame {
             Self::RecordsDynamicLight => &["relight", "march"],
             Self::Scattering => &["illuminate", "sweep", "relight", "march"],
             Self::RecordsDynamicMedium => &["reduce", "project", "relight", "reduce", "march"],
+            Self::Surfaces => &["shadow", "shade", "march"],
+            Self::Sequence => &["march", "accumulate", "upsample"],
         }
     }
 
@@ -72,16 +87,21 @@ impl Frame {
         let mut number = 0u32;
         Ok(move || {
             number += 1;
+            scene.frame = number;
             let turn = f64::from(number) * 0.01;
             match self {
-                Self::RecordsStatic => scene.camera.origin = eye + DVec3::new(0.1 * turn.sin(), 0.0, 0.0),
+                Self::RecordsStatic | Self::Sequence => {
+                    scene.camera.origin = eye + DVec3::new(0.1 * turn.sin(), 0.0, 0.0)
+                }
                 Self::RecordsDynamicLight => {
                     if let Some(environment) = &mut scene.environment {
                         environment.rotation = turn.to_degrees();
                     }
                 }
                 Self::RecordsDynamicMedium => scene.medium = media[number as usize % 2].clone(),
-                Self::Direct | Self::Scattering => scene.lights = sun(turn).into_iter().collect(),
+                Self::Direct | Self::Scattering | Self::Surfaces => {
+                    scene.lights = sun(turn).into_iter().collect();
+                }
             }
             renderer.render(&scene)
         })
@@ -95,14 +115,16 @@ pub fn scene(frame: Frame) -> Scene {
 
 /// The first frame with another medium.
 pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
-    let records = !matches!(frame, Frame::Direct | Frame::Scattering);
+    let records = !matches!(frame, Frame::Direct | Frame::Scattering | Frame::Surfaces | Frame::Sequence);
+    let room = || Shape::CornellBox.mesh(Material::default()).expect("a material in range");
+    let few = Quality { steps: Some(32), jitter: Jitter::BlueNoise, scale: 2, temporal: true, ..Quality::default() };
     Scene {
         camera: View::new(192, 144).camera,
         medium,
         optics: Optics::grey(12.0, 0.9),
         environment: records.then(sky),
         background: None,
-        surfaces: None,
+        surfaces: (frame == Frame::Surfaces).then(|| Arc::new(room())),
         frame: 0,
         lights: if records { Vec::new() } else { sun(0.0).into_iter().collect() },
         estimate: Estimate {
@@ -120,7 +142,7 @@ pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
             lights: Some(LightsEstimate::Direct(Direct::default())),
             all: None,
         },
-        quality: Quality::default(),
+        quality: if frame == Frame::Sequence { few } else { Quality::default() },
     }
 }
 

@@ -338,6 +338,7 @@ impl Rig {
         let stage = Upsample {
             params,
             medium: self.fill(&medium(u64::from(params.width) * u64::from(params.height)))?,
+            rims: None,
             surface: Some(self.fill(&surface)?),
             normals: None,
             environment: None,

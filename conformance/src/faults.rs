@@ -121,8 +121,7 @@ fn running(stage: &str) -> Scene {
     let mut scene = scene();
     if stage == "path" {
         let path = Path { samples: 2, ..Path::default() };
-        scene.estimate =
-            Estimate { environment: None, lights: None, scattering: None, all: Some(AllEstimate::Path(path)) };
+        scene.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
         scene.quality.temporal = false;
     }
     scene

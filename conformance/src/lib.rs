@@ -36,6 +36,7 @@ mod paths;
 pub mod pictures;
 mod record;
 mod report;
+mod rooms;
 pub mod scattering;
 pub mod sequences;
 mod sidecar;
@@ -136,6 +137,7 @@ pub fn cases() -> Vec<Case> {
         closed::cases(),
         columns::cases(),
         surfaces::cases(),
+        rooms::cases(),
         frames::cases(),
         estimators::cases(),
         paths::cases(),

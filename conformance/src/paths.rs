@@ -70,7 +70,7 @@ pub(crate) fn cases() -> Vec<Case> {
 
 fn traced(mut scene: Scene, samples: u32, max_depth: Option<u32>) -> Scene {
     let path = Path { samples, max_depth, ..Path::default() };
-    scene.estimate = Estimate { environment: None, lights: None, scattering: None, all: Some(AllEstimate::Path(path)) };
+    scene.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
     scene
 }
 

@@ -79,7 +79,7 @@ fn fog(low: DVec3, high: DVec3, optics: Optics, surfaces: Mesh) -> Scene {
         surfaces: Some(Arc::new(surfaces)),
         frame: 0,
         lights: Vec::new(),
-        estimate: Estimate { environment: None, lights: None, scattering: None, all: None },
+        estimate: Estimate::none(),
         quality: Quality::default(),
     }
 }
@@ -174,7 +174,7 @@ fn plate(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 }
 
 /// Six walls of a box.
-fn chest(low: DVec3, high: DVec3) -> Mesh {
+pub(crate) fn chest(low: DVec3, high: DVec3) -> Mesh {
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * (high - low));
     let side = |corner: DVec3, u: DVec3, v: DVec3| wall(corner, u, v, Material::default());
     let sides = [side(low, x, y), side(low, y, z), side(low, z, x)];

@@ -105,6 +105,12 @@ tolerances! {
          are 2 mm of ways of some metres, 0.1 %. Texels of a map of 256 across a plate of 1.4 m are 6 mm, and their ramp is \
          centred on the edge: less than 1 % of a ray's light at a slant." }
 
+    /// A room with a medium and a lamp inside against brute force.
+    CORNELL_BOX { 1e-4, f64::INFINITY,
+        "Each ray takes 400 steps, of which one is cut at each edge of a shadow: at most half a step's light is too \
+         much or too little, 10⁻³ of what the medium sends along a ray, of either sign from pixel to pixel, 2·10⁻⁵ of \
+         the picture as measured. Places at the walls are good to 10⁻⁶ m." }
+
     /// Single scattering in a homogeneous box, by steps of 1/64 of its shortest side.
     LIT_BOX { 2e-3, f64::INFINITY,
         "The midpoint rule is of second order, (στ/64)²/24 per step, but the way to the light ends at a wall: half a \

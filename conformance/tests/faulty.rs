@@ -46,6 +46,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     const SCATTERING: &str = "scattering::energy_balance";
     const SEQUENCES: &str = "sequence::as_the_processor";
     const PATHS: &str = "paths::what_leaves_and_what_is_absorbed";
+    const CREASES: &str = "rooms::creases";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -80,9 +81,12 @@ fn proof(choice: &str) -> Vec<Trial> {
             trials.push(Trial::test(name, move || noticed(&subject, group(pictures))));
         }
     }
+    let subject = broken(choice, "upsample", Fault::Blind("normals"));
+    let name = format!("{choice}::whole_pictures_notice::{}", subject.name());
+    trials.push(Trial::test(name, move || noticed(&subject, group(CREASES))));
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SEQUENCES, PATHS];
+        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SEQUENCES, PATHS, CREASES];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }

@@ -92,6 +92,10 @@ fn accumulate(inputs: Inputs<'_>, x: u32, y: u32) -> (Kept, Pixel) {
         };
         now.count = count + 1.0;
     }
+    if surface < 0.0 {
+        // It was not marched.
+        now = Past { radiance: light, count: 0.0, transmittance: through, depth, surface: FAR };
+    }
     let ([r, g, b], [tr, tg, tb]) = (now.radiance, now.transmittance);
     let through = [tr, tg, tb, now.depth];
     ([[r, g, b, now.count], through, [surface, 0.0, 0.0, 0.0]], [[r, g, b, surface], through])
@@ -175,7 +179,11 @@ fn clamped(inputs: Inputs<'_>, past: Past, x: u32, y: u32) -> Past {
     for i in 0..9 {
         let column = ((x + i % 3).max(1) - 1).min(p.width - 1);
         let row = ((y + i / 3).max(1) - 1).min(p.height - 1);
-        for (half, values) in inputs.medium[(row * p.width + column) as usize].iter().enumerate() {
+        let pixel = inputs.medium[(row * p.width + column) as usize];
+        if pixel[0][3] < 0.0 {
+            continue;
+        }
+        for (half, values) in pixel.iter().enumerate() {
             least[half] = triple!(c => least[half][c].min(values[c]));
             most[half] = triple!(c => most[half][c].max(values[c]));
         }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use airlight_core::blue_noise;
 use airlight_core::device::DeviceError;
-use airlight_core::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, shadow_kind, surface_shadow};
+use airlight_core::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, alone, shadow_kind, surface_shadow};
 use rayon::prelude::*;
 
 use super::face::{face, side_of};
@@ -208,6 +208,14 @@ fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], rows: &Rows<'_>) -> 
 #[inline(always)]
 fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let p = inputs.p;
+    let marched = if p.alone == alone::RIMS { rim(inputs, corner) } else { F::ZERO.lt(F::ONE) };
+    if !marched.any() {
+        out.film = [
+            [F::ZERO, F::ZERO, F::ZERO, F::splat(March::UNMARCHED)],
+            [F::ONE, F::ONE, F::ONE, F::splat(f32::INFINITY)],
+        ];
+        return;
+    }
     // The same pixels of the full picture. Those past its edge are marched as its last and never stored.
     let scale = p.scale as usize;
     let full = |n: usize, size: u32| (n * scale + scale / 2).min(size as usize - 1);
@@ -232,7 +240,8 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         let d = triple!(c => d[c] / length);
         let surface = (!inputs.surface.is_empty()).then(|| [seen(s, 0), seen(s, 1), seen(s, 2), seen(s, 3)]);
         let limit = surface.map_or(F::splat(f32::INFINITY), |s| s[3]);
-        let mut path = Path::enter(inputs, d, limit, jitter(inputs, corner, s));
+        let reach = marched.select(limit, F::ZERO);
+        let mut path = Path::enter(inputs, d, reach, jitter(inputs, corner, s));
         if p.step_begin > 0 {
             path.resume(&out.path);
         }
@@ -242,7 +251,7 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
             return;
         }
         let mut behind = inputs.environment.map_or([F::ZERO; 3], |environment| sky(&environment, d));
-        if p.alone == 1 {
+        if p.alone != alone::NO {
             behind = [F::ZERO; 3];
         } else if let Some(surface) = &surface {
             let hit = limit.lt(F::splat(f32::INFINITY));
@@ -260,13 +269,32 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let scale = 1.0 / p.samples as f32;
     let mean = (through[0] + through[1] + through[2]) * (scale / 3.0);
     let last = match (p.alone, inputs.surface.is_empty()) {
-        (0, _) => F::ONE - mean,
+        (alone::NO, _) => F::ONE - mean,
         (_, true) => F::splat(FAR),
-        (_, false) => seen(0, 3).min(F::splat(FAR)),
+        (_, false) => marched.select(seen(0, 3).min(F::splat(FAR)), F::splat(March::UNMARCHED)),
     };
     let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, last];
     let depth = stopped.gt(F::ZERO).select(stopped_at / stopped, F::splat(f32::INFINITY));
     out.film = [beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]];
+}
+
+/// Which lanes lie near a rim: of the surfaces of five by five pixels around, the nearest and the farthest.
+#[inline(always)]
+fn rim(inputs: &Inputs<'_>, corner: [usize; 2]) -> M {
+    let p = inputs.p;
+    let (mut nearest, mut farthest) = (F::splat(FAR), F::ZERO);
+    let around = |n: usize, size: u32| n.clamp(2, size as usize + 1) - 2;
+    let full = |n: usize, size: u32| ((n as u32 * p.scale + p.scale / 2).min(size - 1)) as usize;
+    let distance = |i: usize, k: usize| {
+        let column = full(around(corner[0] + i % SIDE + k % 5, p.width), p.full_width);
+        let row = full(around(corner[1] + i / SIDE + k / 5, p.height), p.full_height);
+        inputs.surface[row * p.full_width as usize + column][3].min(FAR)
+    };
+    for k in 0..25 {
+        let distance = F(lanes!(i => distance(i, k)));
+        (nearest, farthest) = (nearest.min(distance), farthest.max(distance));
+    }
+    nearest.lt(farthest * March::RIM)
 }
 
 /// Where the samples of a sub-pixel position lie within their steps.

@@ -22,13 +22,23 @@ type Pixel = [[f32; 4]; 2];
 struct Inputs<'a> {
     p: &'a UpsampleParams,
     medium: &'a [Pixel],
+    rims: &'a [Pixel],
     surface: &'a [[f32; 4]],
     normals: &'a [[f32; 4]],
     environment: Option<Sky<'a>>,
     subpixels: &'a [f32],
 }
 
-/// Sums over pixels of the small film.
+/// A film smaller than the picture: the one near rims, or the one of everything.
+#[derive(Clone, Copy)]
+struct Small<'a> {
+    scale: u32,
+    width: u32,
+    height: u32,
+    film: &'a [Pixel],
+}
+
+/// Sums over pixels of a small film.
 #[derive(Default)]
 struct Medium {
     radiance: [f32; 3],
@@ -37,6 +47,8 @@ struct Medium {
     stopped: f32,
     stopped_at: f32,
     weight: f32,
+    /// How much of the nearest pixels, by their bilinear weights, was marched.
+    marched: f32,
 }
 
 pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
@@ -46,6 +58,7 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
     let inputs = Inputs {
         p,
         medium: bytemuck::cast_slice(read.buf(stage.medium)?),
+        rims: bytemuck::cast_slice(read.opt(stage.rims)?),
         surface: read.opt(stage.surface)?,
         normals: read.opt(stage.normals)?,
         environment: match stage.environment {
@@ -92,7 +105,14 @@ fn upsample(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]) {
     let behind = behind(inputs, x, y);
     for i in 0..LANES {
         let distance = seen(inputs, x[i], y[i], 0)[3].min(FAR);
-        let found = around(inputs, x[i] as u32, y[i] as u32, distance);
+        let mut found = Medium::default();
+        if !inputs.rims.is_empty() {
+            found = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale / 2, inputs.rims), distance);
+        }
+        if found.marched < 1.0 {
+            let whole = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale, inputs.medium), distance);
+            found = mixed(found, whole);
+        }
         let through = triple!(c => found.transmittance[c] / found.weight);
         let color = triple!(c => found.radiance[c] / found.weight + through[c] * behind[c].0[i]);
         let depth = if found.stopped > 0.0 { found.stopped_at / found.stopped } else { f32::INFINITY };
@@ -101,46 +121,71 @@ fn upsample(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]) {
     }
 }
 
-/// The medium in a pixel whose surface is so far away.
-fn around(inputs: &Inputs<'_>, x: u32, y: u32, distance: f32) -> Medium {
+/// A film of so many pixels of the picture along each side of one of its own.
+fn small<'a>(p: &UpsampleParams, scale: u32, film: &'a [Pixel]) -> Small<'a> {
+    Small { scale, width: p.full_width.div_ceil(scale), height: p.full_height.div_ceil(scale), film }
+}
+
+/// As much of one film as was marched of it, and the rest of another.
+fn mixed(fine: Medium, whole: Medium) -> Medium {
+    if fine.marched == 0.0 {
+        return whole;
+    }
+    let (a, b) = (fine.marched / fine.weight, (1.0 - fine.marched) / whole.weight);
+    Medium {
+        radiance: triple!(c => a * fine.radiance[c] + b * whole.radiance[c]),
+        transmittance: triple!(c => a * fine.transmittance[c] + b * whole.transmittance[c]),
+        stopped: a * fine.stopped + b * whole.stopped,
+        stopped_at: a * fine.stopped_at + b * whole.stopped_at,
+        weight: 1.0,
+        marched: 1.0,
+    }
+}
+
+/// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
+fn around(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, distance: f32) -> Medium {
     let p = inputs.p;
-    let (x0, y0) = (first(p, x), first(p, y));
-    let (x1, y1) = ((x0 + 1).min(p.width - 1), (y0 + 1).min(p.height - 1));
-    let fx = part(x, stands(p, x0, p.full_width), stands(p, x1, p.full_width));
-    let fy = part(y, stands(p, y0, p.full_height), stands(p, y1, p.full_height));
+    let (x0, y0) = (first(small, x), first(small, y));
+    let (x1, y1) = ((x0 + 1).min(small.width - 1), (y0 + 1).min(small.height - 1));
+    let fx = part(x, stands(small, x0, p.full_width), stands(small, x1, p.full_width));
+    let fy = part(y, stands(small, y0, p.full_height), stands(small, y1, p.full_height));
     let mut sum = Medium::default();
     for (sx, sy, share) in
         [(x0, y0, (1.0 - fx) * (1.0 - fy)), (x1, y0, fx * (1.0 - fy)), (x0, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)]
     {
-        let other = inputs.medium[(sy * p.width + sx) as usize][0][3];
-        add(inputs, &mut sum, sx, sy, share * fit(distance, other) * alike(inputs, [x, y], [sx, sy]));
+        let [[.., other], _] = held(small, sx, sy);
+        if other < 0.0 {
+            continue;
+        }
+        sum.marched += share;
+        add(&mut sum, small, sx, sy, share * fit(distance, other) * alike(inputs, [x, y], small, [sx, sy]));
     }
-    if sum.weight >= Upsample::FIT {
+    if sum.marched == 0.0 || sum.weight >= Upsample::FIT {
         return sum;
     }
     let (mut least, mut at) = (FAR, [x0, y0]);
     for i in 0..16 {
-        let sx = ((x0 + i % 4).max(1) - 1).min(p.width - 1);
-        let sy = ((y0 + i / 4).max(1) - 1).min(p.height - 1);
-        let other = inputs.medium[(sy * p.width + sx) as usize][0][3];
+        let sx = ((x0 + i % 4).max(1) - 1).min(small.width - 1);
+        let sy = ((y0 + i / 4).max(1) - 1).min(small.height - 1);
+        let [[.., other], _] = held(small, sx, sy);
         let apart = (1.0 / distance.max(1e-6) - 1.0 / other.max(1e-6)).abs();
-        if apart < least {
+        if other >= 0.0 && apart < least {
             (least, at) = (apart, [sx, sy]);
         }
     }
-    sum = Medium::default();
-    add(inputs, &mut sum, at[0], at[1], 1.0);
+    sum = Medium { marched: sum.marched, ..Medium::default() };
+    add(&mut sum, small, at[0], at[1], 1.0);
     sum
 }
 
-/// The pixel of the small film at or before pixel `n` of the full picture, along one side; the first one before it.
-fn first(p: &UpsampleParams, n: u32) -> u32 {
-    n.saturating_sub(p.scale / 2) / p.scale
+/// The pixel of a small film at or before pixel `n` of the full picture, along one side; the first one before it.
+fn first(small: Small<'_>, n: u32) -> u32 {
+    n.saturating_sub(small.scale / 2) / small.scale
 }
 
-/// Where pixel `n` of the small film stands among `size` pixels.
-fn stands(p: &UpsampleParams, n: u32, size: u32) -> u32 {
-    (n * p.scale + p.scale / 2).min(size - 1)
+/// Where pixel `n` of a small film stands among `size` pixels.
+fn stands(small: Small<'_>, n: u32, size: u32) -> u32 {
+    (n * small.scale + small.scale / 2).min(size - 1)
 }
 
 /// How far `n` is on its way from `a` to `b`.
@@ -154,10 +199,10 @@ fn fit(a: f32, b: f32) -> f32 {
     (2.0 - nearer / Upsample::NEAR).clamp(0.0, 1.0)
 }
 
-/// How well the normals in a pixel and in one of the small film fit.
-fn alike(inputs: &Inputs<'_>, [x, y]: [u32; 2], [sx, sy]: [u32; 2]) -> f32 {
+/// How well the normals in a pixel and in one of a small film fit.
+fn alike(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, [sx, sy]: [u32; 2]) -> f32 {
     let (p, width) = (inputs.p, inputs.p.full_width);
-    let (fx, fy) = (stands(p, sx, width), stands(p, sy, p.full_height));
+    let (fx, fy) = (stands(small, sx, width), stands(small, sy, p.full_height));
     let at = [y * width + x, fy * width + fx].map(|at| inputs.normals.get(at as usize * p.normals_each as usize));
     let [Some(here), Some(there)] = at else { return 1.0 };
     let cosine = |a: &[f32; 4], b: &[f32; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -168,9 +213,14 @@ fn alike(inputs: &Inputs<'_>, [x, y]: [u32; 2], [sx, sy]: [u32; 2]) -> f32 {
     ((cosine - Upsample::COSINE) / (1.0 - Upsample::COSINE)).clamp(0.0, 1.0)
 }
 
-/// Adds a pixel of the small film.
-fn add(inputs: &Inputs<'_>, sum: &mut Medium, sx: u32, sy: u32, weight: f32) {
-    let [light, through] = inputs.medium[(sy * inputs.p.width + sx) as usize];
+/// A pixel of a small film.
+fn held(small: Small<'_>, sx: u32, sy: u32) -> Pixel {
+    small.film[(sy * small.width + sx) as usize]
+}
+
+/// Adds a pixel of a small film.
+fn add(sum: &mut Medium, small: Small<'_>, sx: u32, sy: u32, weight: f32) {
+    let [light, through] = held(small, sx, sy);
     sum.radiance = triple!(c => sum.radiance[c] + weight * light[c]);
     sum.transmittance = triple!(c => sum.transmittance[c] + weight * through[c]);
     sum.weight += weight;

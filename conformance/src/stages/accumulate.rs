@@ -4,7 +4,7 @@ use airlight::device::{Buf, Usage};
 use airlight::glam::DVec3;
 use airlight::reference::{self, AccumulateInputs};
 use airlight::scene::Camera;
-use airlight::stage::{Accumulate, AccumulateParams, Stage, accumulate_mode};
+use airlight::stage::{Accumulate, AccumulateParams, March, Stage, accumulate_mode};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
@@ -25,6 +25,8 @@ struct Set {
     moved: [DVec3; 2],
     /// Whether the history holds values that are none.
     broken: bool,
+    /// Whether some pixels were not marched, now and then.
+    unmarched: bool,
 }
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -35,6 +37,7 @@ pub(crate) fn cases() -> Vec<Case> {
         scale: 1,
         moved: [DVec3::ZERO; 2],
         broken: false,
+        unmarched: false,
     };
     let moved = Set { name: "moved", mode: accumulate_mode::MOVED, most: Accumulate::MOVED, ..still };
     let (aside, turned) = (DVec3::new(0.11, -0.05, 0.07), DVec3::new(0.04, 0.09, -0.12));
@@ -46,6 +49,8 @@ pub(crate) fn cases() -> Vec<Case> {
         Set { name: "eye_aside", moved: [aside; 2], ..moved },
         Set { name: "eye_turned", moved: [DVec3::ZERO, turned], scale: 2, ..moved },
         Set { name: "eye_onward", moved: [4.0 * aside, turned], scale: 4, broken: true, ..moved },
+        Set { name: "rims", unmarched: true, ..still },
+        Set { name: "rims_moved", unmarched: true, moved: [aside, turned], scale: 2, ..moved },
         // Most of what is seen was not.
         Set { name: "eye_far_away", moved: [DVec3::ZERO, 8.0 * turned], ..moved },
     ];
@@ -68,21 +73,23 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     (params.width, params.height, params.scale) = (width, height, set.scale);
     (params.full_width, params.full_height) = (now.width, now.height);
     (params.mode, params.most) = (set.mode, set.most);
-    let medium_now = medium(width, height, 61, distance);
+    let passed = |x: u32, y: u32| set.unmarched && ((x + 2 * y) / 5).is_multiple_of(3);
+    let medium_now = medium(width, height, 61, |x, y| if passed(x, y) { March::UNMARCHED } else { distance(x, y) });
     // The same surfaces a little off, so that some fit, some in part and some not.
-    let last: Vec<[f32; 4]> = medium(width, height, 62, |x, y| 1.06 * distance(x, y))
-        .chunks_exact(2)
-        .enumerate()
-        .flat_map(|(i, pixel)| {
-            let ([r, g, b, surface], through) = (pixel[0], pixel[1]);
-            // Some have no history.
-            let mut kept = [[r, g, b, [0.0, 3.0, 7.0, 40.0][i % 4]], through, [surface, 0.0, 0.0, 0.0]];
-            if set.broken && i % 5 == 0 {
-                kept[i / 5 % 2][i / 10 % 3] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i / 7 % 3];
-            }
-            kept
-        })
-        .collect();
+    let last: Vec<[f32; 4]> =
+        medium(width, height, 62, |x, y| if passed(x, y + 1) { March::UNMARCHED } else { 1.06 * distance(x, y) })
+            .chunks_exact(2)
+            .enumerate()
+            .flat_map(|(i, pixel)| {
+                let ([r, g, b, surface], through) = (pixel[0], pixel[1]);
+                // Some have no history.
+                let mut kept = [[r, g, b, [0.0, 3.0, 7.0, 40.0][i % 4]], through, [surface, 0.0, 0.0, 0.0]];
+                if set.broken && i % 5 == 0 {
+                    kept[i / 5 % 2][i / 10 % 3] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i / 7 % 3];
+                }
+                kept
+            })
+            .collect();
     let (expected_next, expected_mean) =
         reference::accumulate(&params, &AccumulateInputs { medium: &medium_now, last: &last });
     let counts = || expected_next.chunks_exact(12).map(|p| p[3]);

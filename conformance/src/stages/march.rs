@@ -9,12 +9,13 @@ use airlight::media::{Optics, Phase};
 use airlight::reference::{self, MarchInputs};
 use airlight::scene::Camera;
 use airlight::stage::{
-    GridParams, LightRecord, March, MarchParams, MeshRecord, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind,
-    surface_shadow,
+    GridParams, LightRecord, March, MarchParams, MeshRecord, PhaseParams, Reduce, ReduceParams, Stage, alone,
+    shadow_kind, surface_shadow,
 };
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
+use super::upsample::distance;
 use crate::bench::{Bench, cuts};
 use crate::fixtures::{DIMS, Map, camera, density, grey, noise, room, sky};
 use crate::{Axis, Record, Subject, check};
@@ -55,8 +56,8 @@ pub(super) struct Set {
     pub(super) jitter: Option<u32>,
     /// Pixels of the picture along each side of one of the film.
     pub(super) scale: u32,
-    /// Whether the film is of the medium alone.
-    pub(super) alone: bool,
+    /// Whether the film is of the medium alone: a constant of [`alone`].
+    pub(super) alone: u32,
 }
 
 #[derive(Clone, Copy)]
@@ -98,7 +99,7 @@ pub(super) fn plain(name: &str) -> Set {
         steps: 0,
         jitter: None,
         scale: 1,
-        alone: false,
+        alone: alone::NO,
     }
 }
 
@@ -136,7 +137,7 @@ fn host(set: &Set) -> Host {
     (p.extinction, p.albedo, p.emission) = (rgb(optics.extinction), rgb(optics.albedo), rgb(optics.emission));
     (p.full_width, p.full_height, p.samples) = (camera.width, camera.height, camera.samples);
     (p.width, p.height) = (camera.width.div_ceil(set.scale), camera.height.div_ceil(set.scale));
-    (p.scale, p.alone, p.steps) = (set.scale, set.alone.into(), set.steps);
+    (p.scale, p.alone, p.steps) = (set.scale, set.alone, set.steps);
     (p.sample_end, p.step_end) = (p.samples, March::ALL_STEPS);
     (p.step, p.cut, p.light_floor) = (set.step, March::CUT, 1e-4);
     p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { set.dims[a].div_ceil(set.block) } else { set.block });
@@ -196,7 +197,11 @@ fn host(set: &Set) -> Host {
     }
     let pixels = (camera.width * camera.height) as usize;
     // Before, within and behind the medium, and nowhere.
-    let far = |i: usize| [0.4, 2.1, 2.4, 2.7, 9.0, f32::INFINITY][i % 6];
+    let far = |i: usize| match (set.alone, i as u32 % camera.width, i as u32 / camera.width) {
+        // Wide stripes, so that rims are between some pixels and others are far from any.
+        (alone::RIMS, x, y) => distance(x / 3, y / 3),
+        _ => [0.4, 2.1, 2.4, 2.7, 9.0, f32::INFINITY][i % 6],
+    };
     p.surface_samples = if set.fine { p.samples } else { 1 };
     let count = pixels * p.surface_samples as usize;
     let surface = noise(42, 3 * count).chunks_exact(3).enumerate().map(|(i, c)| [c[0], c[1], c[2], far(i)]).collect();
@@ -308,6 +313,8 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
     };
     let expected = reference::march(&host.params, &inputs);
     let seen = expected.chunks_exact(8).filter(|p| p[4] < 0.999 || p[0] > 1e-3).count();
+    let passed = expected.chunks_exact(8).filter(|p| p[3] == f64::from(March::UNMARCHED)).count();
+    check!(set.alone != alone::RIMS || passed > 20, "only {passed} pixels are passed over: the case tries nothing");
     check!(seen > 20, "only {seen} pixels show the medium: the case tries nothing");
 
     record.each(&occupancies(), |record, &skips| {
@@ -340,7 +347,7 @@ fn hold(record: &mut Record, set: &Set, params: &MarchParams, found: &[f32], exp
         found.iter().map(|p| [p[0], p[1], p[2]]),
         expected.iter().map(|p| [p[0], p[1], p[2]]),
     );
-    if set.alone {
+    if set.alone != alone::NO {
         record.hold("inverse surface", found.iter().map(|p| 1.0 / p[3]), expected.iter().map(|p| 1.0 / p[3]));
     } else {
         record.hold("alpha", found.iter().map(|p| p[3]), expected.iter().map(|p| p[3]));

@@ -4,7 +4,7 @@ use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Optics, Phase};
 use airlight::scene::Camera;
-use airlight::stage::{shadow_kind, surface_shadow};
+use airlight::stage::{alone, shadow_kind, surface_shadow};
 
 use super::case;
 use super::march::{InScatter, Set, occupancies, one, plain};
@@ -274,16 +274,34 @@ fn samples() -> Vec<Set> {
         Set { jitter: Some(u32::MAX), camera: camera(21, 13, 5), surface: true, ..lit("jittered_samples") },
         Set { jitter: Some(2), step: 0.03, ..empty.clone() },
         Set { name: "jittered_steps_through_empty_space".into(), jitter: Some(1), steps: 60, ..empty },
-        Set { alone: true, surface: true, environment: Some(20.0), ..lit("alone") },
-        Set { alone: true, scale: 2, surface: true, camera: camera(43, 29, 1), jitter: Some(4), ..lit("half_size") },
+        Set { alone: alone::ALL, surface: true, environment: Some(20.0), ..lit("alone") },
         Set {
-            alone: true,
+            alone: alone::ALL,
+            scale: 2,
+            surface: true,
+            camera: camera(43, 29, 1),
+            jitter: Some(4),
+            ..lit("half_size")
+        },
+        Set {
+            alone: alone::ALL,
             scale: 4,
             surface: true,
             camera: camera(85, 51, 1),
             map: Map::Mirrored,
             ..lit("quarter_size")
         },
-        Set { alone: true, scale: 4, camera: camera(84, 53, 1), ..plain("quarter_size_without_surfaces") },
+        Set { alone: alone::ALL, scale: 4, camera: camera(84, 53, 1), ..plain("quarter_size_without_surfaces") },
+        Set { alone: alone::RIMS, surface: true, camera: camera(45, 31, 1), ..lit("rims_at_full_size") },
+        Set {
+            alone: alone::RIMS,
+            scale: 2,
+            surface: true,
+            camera: camera(117, 73, 1),
+            map: Map::Sheared,
+            jitter: Some(6),
+            steps: 11,
+            ..lit("rims_at_half_size")
+        },
     ]
 }

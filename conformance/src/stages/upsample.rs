@@ -2,7 +2,7 @@
 
 use airlight::device::{Buf, Usage};
 use airlight::reference::{self, UpsampleInputs};
-use airlight::stage::{FAR, Stage, Upsample, UpsampleParams};
+use airlight::stage::{FAR, March, Stage, Upsample, UpsampleParams};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
@@ -22,6 +22,8 @@ struct Set {
     surface: bool,
     normals: bool,
     environment: bool,
+    /// Whether there is a film of half the scale near rims.
+    rims: bool,
 }
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -33,6 +35,7 @@ pub(crate) fn cases() -> Vec<Case> {
         surface: false,
         normals: false,
         environment: false,
+        rims: false,
     };
     let sets = [
         plain,
@@ -44,6 +47,8 @@ pub(crate) fn cases() -> Vec<Case> {
         Set { name: "quarter_size_surfaces", scale: 4, size: [46, 41], surface: true, ..plain },
         Set { name: "quarter_size_normals", scale: 4, size: [45, 39], surface: true, normals: true, ..plain },
         Set { name: "one_pixel_for_all", scale: 4, size: [3, 2], surface: true, environment: true, ..plain },
+        Set { name: "quarter_size_rims", scale: 4, size: [45, 39], surface: true, normals: true, rims: true, ..plain },
+        Set { name: "half_size_rims", scale: 2, size: [42, 31], surface: true, rims: true, ..plain },
     ];
     let made = |set: Set| {
         case("upsample", set.name, "film", &tolerance::STAGE, move |subject, record| one(subject, record, &set))
@@ -95,6 +100,13 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let stands = |n: u32, size: u32| (n * set.scale + set.scale / 2).min(size - 1);
     let far = |x: u32, y: u32| if set.surface { distance(x, y) } else { f32::INFINITY };
     let small = medium(params.width, params.height, 51, |x, y| far(stands(x, full_width), stands(y, full_height)));
+    // Of the finer film what is marched ends within what is read and within what is not.
+    let half = (set.scale / 2).max(1);
+    let (fine_width, fine_height) = (full_width.div_ceil(half), full_height.div_ceil(half));
+    let fine = medium(fine_width, fine_height, 53, |x, y| {
+        let place = |n: u32, size: u32| (n * half + half / 2).min(size - 1);
+        if (x + 2 * y) / 9 % 2 == 0 { far(place(x, full_width), place(y, full_height)) } else { March::UNMARCHED }
+    });
     let pixels = || (0..full_height).flat_map(|y| (0..full_width).map(move |x| (x, y)));
     let colors = noise(52, (3 * full_width * full_height * set.samples) as usize);
     // Of a pixel's sub-pixel positions some see past the surface that the first one sees.
@@ -111,12 +123,17 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let subpixels: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
     let inputs = UpsampleInputs {
         medium: &small,
+        rims: set.rims.then_some(&fine[..]),
         surface: set.surface.then_some(&surface[..]),
         normals: set.normals.then_some(&normals[..]),
         environment: set.environment.then_some(&texels[..]),
         subpixels: &subpixels,
     };
     let expected = reference::upsample(&params, &inputs);
+    let without = reference::upsample(&params, &UpsampleInputs { rims: None, ..inputs });
+    let finer = expected.chunks_exact(8).zip(without.chunks_exact(8)).filter(|(a, b)| a != b).count();
+    let enough = finer > 100 && finer + 100 < (full_width * full_height) as usize;
+    check!(enough || !set.rims, "{finer} pixels are of the finer film: the case tries nothing");
 
     let mut bench = Bench::new(subject)?;
     let vectors = 2 * (full_width * full_height) as usize;
@@ -124,6 +141,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     let stage = Stage::Upsample(Upsample {
         params,
         medium: bench.buf(&small)?,
+        rims: if set.rims { Some(bench.buf(&fine)?) } else { None },
         surface: if set.surface { Some(bench.buf(&surface)?) } else { None },
         normals: if set.normals { Some(bench.buf(&normals)?) } else { None },
         environment: if set.environment { Some(bench.colors([5, 7, 4], 1, &texels)?) } else { None },

@@ -266,6 +266,7 @@ impl Toy {
             Stage::Upsample(s) => {
                 let inputs = UpsampleInputs {
                     medium: self.buffer(s.medium),
+                    rims: s.rims.map(|b| self.buffer(b)),
                     surface: s.surface.map(|b| self.buffer(b)),
                     normals: s.normals.map(|b| self.buffer(b)),
                     environment: s.environment.map(|f| self.field(f)),

@@ -86,6 +86,8 @@ pub enum Fault {
     Fail,
     /// Every dispatch takes so much longer.
     Slow(Duration),
+    /// The stage finds zeros in the buffer of that name that it reads.
+    Blind(&'static str),
 }
 
 /// Breaks one stage on purpose, so that a suite can prove that it notices.
@@ -111,6 +113,18 @@ impl Faulty {
         }
         Ok(())
     }
+
+    fn blind(&mut self, stage: &Stage, range: Range<u32>, name: &str) -> Result<(), DeviceError> {
+        let found = stage.bindings().into_iter().find(|binding| binding.name == name);
+        let Some(Binding { id: Some(id), access: BindingAccess::Read(bytes), .. }) = found else {
+            return Err(DeviceError::Invalid(format!("{} reads no {name}", stage.name())));
+        };
+        let mut held = vec![0; bytes as usize];
+        self.inner.read(id, 0, &mut held)?;
+        self.inner.write(id, 0, &vec![0; held.len()])?;
+        self.inner.dispatch(stage, range)?;
+        self.inner.write(id, 0, &held)
+    }
 }
 
 impl Device for Faulty {
@@ -128,6 +142,7 @@ impl Device for Faulty {
                 std::thread::sleep(by);
                 self.inner.dispatch(stage, range)
             }
+            Fault::Blind(name) => self.blind(stage, range, name),
             Fault::Scale(factor) => {
                 let last = range.end == stage.axis();
                 self.inner.dispatch(stage, range)?;

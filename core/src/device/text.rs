@@ -12,7 +12,7 @@ use crate::stage::{
     LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct, ObstructParams, Path,
     PathParams, PathRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams,
     ShadeParams, ShadowParams, Stage, SweepDirection, SweepParams, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
+    accumulate_mode, alone, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -315,6 +315,8 @@ impl Recipe {
             ("MESH_COUNT_BITS", MeshRecord::COUNT_BITS),
             ("MESH_COUNT_MASK", MeshRecord::COUNT_MASK),
             ("BLOCK", March::BLOCK),
+            ("ALONE_NO", alone::NO),
+            ("ALONE_RIMS", alone::RIMS),
             ("JITTER_SIDE", blue_noise::SIDE),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
@@ -344,6 +346,8 @@ impl Recipe {
             ("DENSITY_MAX", LARGEST),
             ("MESH_SLACK", MeshRecord::SLACK),
             ("MESH_MARGIN", MeshRecord::MARGIN),
+            ("MARCH_RIM", March::RIM),
+            ("UNMARCHED", March::UNMARCHED),
             ("UPSAMPLE_NEAR", Upsample::NEAR),
             ("UPSAMPLE_COSINE", Upsample::COSINE),
             ("UPSAMPLE_FIT", Upsample::FIT),

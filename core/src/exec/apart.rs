@@ -1,4 +1,4 @@
-//! From a film of the medium alone to the picture: the mean over a sequence, and the full size.
+//! From a film of the medium alone to the picture: finer along rims, the mean over a sequence, and the full size.
 
 use glam::DVec3;
 
@@ -8,6 +8,7 @@ use crate::device::Buf;
 use crate::scene::Scene;
 use crate::stage::{
     Accumulate, AccumulateParams, LightRecord, March, MarchParams, Stage, Upsample, UpsampleParams, accumulate_mode,
+    alone,
 };
 
 /// What the last picture of a sequence leaves to the next, beside its history.
@@ -26,9 +27,36 @@ struct Last {
     axes: [DVec3; 3],
 }
 
+/// A film of the medium alone and, where it was marched near rims at half the scale too, that one.
+#[derive(Clone, Copy)]
+pub(super) struct Medium {
+    pub(super) whole: Buf<[f32; 4]>,
+    pub(super) rims: Option<Buf<[f32; 4]>>,
+}
+
+/// Plans the march near rims of what stands behind `march`, where its scale is more than 2.
+pub(super) fn plan_rims(march: &March, plan: &mut Plan<'_>) -> Option<March> {
+    march.surface.filter(|_| march.params.scale > 2)?;
+    let mut rims = march.clone();
+    let p = &mut rims.params;
+    (p.scale, p.alone) = (p.scale / 2, alone::RIMS);
+    (p.width, p.height) = (p.full_width.div_ceil(p.scale), p.full_height.div_ceil(p.scale));
+    let vectors = 2 * u64::from(p.width) * u64::from(p.height);
+    rims.film = plan.work("rims", vectors);
+    let keeps = plan.loop_turns().is_some_and(|turns| rims.keeps_paths(turns.into()));
+    rims.paths = keeps.then(|| plan.work("rims' paths", vectors));
+    plan.stage(Stage::March(rims.clone()));
+    Some(rims)
+}
+
 /// Plans the mean of what `march` shows over the pictures of a sequence. What happened since the last picture follows from
 /// the march's own keys.
-pub(super) fn plan_accumulate<'a>(scene: &'a Scene, march: &March, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
+pub(super) fn plan_accumulate<'a>(
+    scene: &'a Scene,
+    march: &March,
+    rims: Option<&March>,
+    plan: &mut Plan<'a>,
+) -> Medium {
     let p = &march.params;
     let still = March { params: MarchParams { jitter_offset: 0.0, ..*p }, ..march.clone() };
     let key = |march: &March, plan: &Plan<'a>| plan.key(&Stage::March(march.clone()));
@@ -46,8 +74,6 @@ pub(super) fn plan_accumulate<'a>(scene: &'a Scene, march: &March, plan: &mut Pl
         axes: scene.camera.axes(),
     };
     let last = plan.hand_on("view", now).unwrap_or(now);
-    let pixels = u64::from(p.width) * u64::from(p.height);
-    let history = plan.state("history", 3 * pixels, &[p.full_width, p.full_height, p.scale]);
     let rgb0 = |v: DVec3| v.as_vec3().extend(0.0).to_array();
     let mut params: AccumulateParams = bytemuck::Zeroable::zeroed();
     (params.forward, params.right, params.up) = (p.forward, p.right, p.up);
@@ -55,7 +81,6 @@ pub(super) fn plan_accumulate<'a>(scene: &'a Scene, march: &March, plan: &mut Pl
     let [forward, right, up] = last.axes;
     (params.last_forward, params.last_right) = (rgb0(forward), rgb0(right / right.length_squared()));
     params.last_up = rgb0(up / up.length_squared());
-    (params.width, params.height, params.scale) = (p.width, p.height, p.scale);
     (params.full_width, params.full_height) = (p.full_width, p.full_height);
     (params.mode, params.most) = if (now.picture, now.frame) == (last.picture, last.frame) {
         (accumulate_mode::AGAIN, Accumulate::STILL)
@@ -66,22 +91,27 @@ pub(super) fn plan_accumulate<'a>(scene: &'a Scene, march: &March, plan: &mut Pl
     } else {
         (accumulate_mode::MOVED, Accumulate::CHANGED)
     };
-    let mean = plan.work("medium's mean", 2 * pixels);
-    plan.stage(Stage::Accumulate(Accumulate {
-        params,
-        medium: march.film,
-        last: history.previous,
-        next: history.next,
-        mean,
-    }));
-    mean
+    let mut mean = |march: &March, [history, mean]: [&str; 2]| {
+        let p = &march.params;
+        let pixels = u64::from(p.width) * u64::from(p.height);
+        (params.width, params.height, params.scale) = (p.width, p.height, p.scale);
+        let history = plan.state(history, 3 * pixels, &[p.full_width, p.full_height, p.scale]);
+        let mean = plan.work(mean, 2 * pixels);
+        let (last, next) = (history.previous, history.next);
+        plan.stage(Stage::Accumulate(Accumulate { params, medium: march.film, last, next, mean }));
+        mean
+    };
+    Medium {
+        whole: mean(march, ["history", "medium's mean"]),
+        rims: rims.map(|rims| mean(rims, ["rims' history", "rims' mean"])),
+    }
 }
 
 /// Plans the picture from the medium alone, as `march` was planned to show it; `normals` as the stage `trace` leaves them.
 pub(super) fn plan_upsample<'a>(
     scene: &'a Scene,
     march: &March,
-    medium: Buf<[f32; 4]>,
+    medium: Medium,
     normals: Option<Buf<[f32; 4]>>,
     plan: &mut Plan<'a>,
 ) -> Buf<[f32; 4]> {
@@ -99,7 +129,8 @@ pub(super) fn plan_upsample<'a>(
     let film = plan.output("film", 2 * u64::from(p.full_width) * u64::from(p.full_height));
     plan.stage(Stage::Upsample(Upsample {
         params,
-        medium,
+        medium: medium.whole,
+        rims: medium.rims,
         surface: march.surface,
         normals,
         environment: march.environment,

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::apart::{plan_accumulate, plan_upsample};
+use super::apart::{Medium, plan_accumulate, plan_rims, plan_upsample};
 use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
@@ -427,14 +427,15 @@ fn plan_march<'a>(
         march.paths = Some(plan.work("paths", 2 * pixels));
     }
     plan.stage(Stage::March(march.clone()));
-    let mut film = march.film;
+    if !apart {
+        return march.film;
+    }
+    let rims = plan_rims(&march, plan);
+    let mut medium = Medium { whole: march.film, rims: rims.as_ref().map(|rims| rims.film) };
     if quality.temporal {
-        film = plan_accumulate(scene, &march, plan);
+        medium = plan_accumulate(scene, &march, rims.as_ref(), plan);
     }
-    if apart {
-        film = plan_upsample(scene, &march, film, behind.normals, plan);
-    }
-    film
+    plan_upsample(scene, &march, medium, behind.normals, plan)
 }
 
 /// An environment on the device, and what kernels are told of it.

@@ -45,6 +45,7 @@ pub fn accumulate(params: &AccumulateParams, inputs: &AccumulateInputs<'_>) -> (
                 surface: light[3].into(),
             };
             let now = match found {
+                _ if added.surface < 0.0 => Past { count: 0.0, ..added },
                 None => added,
                 Some(past) if params.mode == accumulate_mode::AGAIN => past,
                 Some(past) => mix(&[(past, past.count.min(params.most.into())), (added, 1.0)]),
@@ -132,8 +133,11 @@ fn clamped(params: &AccumulateParams, inputs: &AccumulateInputs<'_>, at: [u32; 2
         let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for y in at[1].saturating_sub(1)..=(at[1] + 1).min(params.height - 1) {
             for x in at[0].saturating_sub(1)..=(at[0] + 1).min(params.width - 1) {
-                let value = xyz(inputs.medium[2 * (y * params.width + x) as usize + half]);
-                (least, most) = (least.min(value), most.max(value));
+                let pixel = 2 * (y * params.width + x) as usize;
+                if inputs.medium[pixel][3] >= 0.0 {
+                    let value = xyz(inputs.medium[pixel + half]);
+                    (least, most) = (least.min(value), most.max(value));
+                }
             }
         }
         v.max(least).min(most)
@@ -146,6 +150,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     use super::*;
+    use crate::stage::March;
 
     fn still(values: &[f32]) -> Vec<f64> {
         let mut params = AccumulateParams::zeroed();
@@ -166,6 +171,23 @@ mod tests {
     fn a_still_picture_is_a_plain_mean() {
         let mean = still(&[1.0, 2.0, 6.0, 7.0]);
         assert_eq!(mean, [4.0, 8.0, 0.0, f64::from(FAR), 0.5, 0.5, 0.5, 4.0]);
+    }
+
+    #[test]
+    fn what_was_not_marched_has_no_history_and_bounds_none() {
+        let mut params = AccumulateParams::zeroed();
+        (params.width, params.height, params.full_width, params.full_height) = (2, 1, 2, 1);
+        (params.scale, params.most, params.mode) = (1, Accumulate::MOVED, accumulate_mode::MOVED);
+        let axis = |a: usize| [0, 1, 2, 3].map(|i| if i == a { 1.0 } else { 0.0 });
+        [params.right, params.up, params.forward] = [0, 1, 2].map(axis);
+        [params.last_right, params.last_up, params.last_forward] = [0, 1, 2].map(axis);
+        let unmarched = [[0.0, 0.0, 0.0, March::UNMARCHED], [1.0, 1.0, 1.0, f32::INFINITY]];
+        let medium = [[[2.0, 2.0, 2.0, FAR], [0.5, 0.5, 0.5, f32::INFINITY]], unmarched].concat();
+        let kept = [[1.0, 1.0, 1.0, 1.0], [0.7, 0.7, 0.7, f32::INFINITY], [FAR, 0.0, 0.0, 0.0]];
+        let (next, mean) = accumulate(&params, &AccumulateInputs { medium: &medium, last: &[kept, kept].concat() });
+        // The history is held to the one pixel that was marched.
+        assert_eq!((mean[0], mean[4], next[3]), (2.0, 0.5, 2.0));
+        assert_eq!((mean[8], mean[11], next[15], next[20]), (0.0, -1.0, 0.0, -1.0));
     }
 
     #[test]

@@ -1,17 +1,21 @@
 //! Brute force over a whole scene, in f64: all light that the medium scatters at most once.
 //!
 //! It knows nothing of stages, estimators, records or step lengths. A trilinear field is a cubic along a ray between
-//! two planes of its lattice, so columns of density are exact: the ray is cut at every plane and two Gauss points
-//! serve each piece. Along the view ray each piece takes [`BruteSettings::nodes`] Gauss points. The sphere is cut into
-//! texels of the environment, and those into as many parts as make [`BruteSettings::rows`] rows.
+//! two planes of its lattice, so columns of density are exact: the ray is cut at every plane and two Gauss points serve
+//! each piece. View rays are cut as well where they pass a plane of a light and an edge of a surface, so that no piece
+//! is lit in part, and beside a light at distances from it that double. Each of their pieces takes
+//! [`BruteSettings::nodes`] Gauss points. The sphere is cut into texels of the environment, and those into as many
+//! parts as make [`BruteSettings::rows`] rows.
 
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::closed::transmittance;
+use super::facets::Facets;
 use super::lookup::clip;
 use crate::basis::quadrature::gauss_legendre;
+use crate::light::Light;
 use crate::media::OpticsField;
 use crate::scene::Scene;
 
@@ -40,8 +44,9 @@ struct Part {
 /// A scene, ready to be integrated pixel by pixel.
 ///
 /// Included are: emission, seen and scattered once; the environment, seen where it is visible and scattered once;
-/// every light, scattered once. [`Scene::estimate`](crate::scene::Scene) and `quality` are not read. Lights inside
-/// the medium are not treated apart: view rays that pass closer to one than a voxel are inaccurate.
+/// every light, scattered once; surfaces, which end view rays, shadow lights, and are lit by lights alone: what comes
+/// from all around passes through them. [`Scene::estimate`](crate::scene::Scene), `background` and `quality` are not
+/// read. Rims of spots may lie within pieces.
 pub struct BruteForce<'s> {
     scene: &'s Scene,
     dims: [u32; 4],
@@ -50,6 +55,7 @@ pub struct BruteForce<'s> {
     /// Of each channel; none where it is the density.
     scattering: Option<[Vec<f64>; 3]>,
     emission: Option<[Vec<f64>; 3]>,
+    facets: Facets<'s>,
     sphere: Vec<Part>,
     pair: Vec<(f64, f64)>,
     nodes: Vec<(f64, f64)>,
@@ -102,6 +108,7 @@ impl<'s> BruteForce<'s> {
             density,
             scattering,
             emission,
+            facets: Facets::new(scene.surfaces.as_deref()),
             sphere,
             pair: gauss_legendre(2),
             nodes: gauss_legendre(settings.nodes),
@@ -127,10 +134,15 @@ impl<'s> BruteForce<'s> {
         let optics = &self.scene.optics;
         let (extinction, albedo) = (optics.extinction.as_dvec3(), optics.albedo.as_dvec3());
         let (start, along) = self.carry(origin, d);
-        let (near, far) = clip(start, along, self.dims, f64::INFINITY);
+        let surface = self.facets.nearest(origin, d);
+        let end = surface.as_ref().map_or(f64::INFINITY, |hit| hit.distance);
+        let (near, far) = clip(start, along, self.dims, end);
+        let mut cuts = self.cuts(start, along, near, far);
+        cuts.extend(self.breaks(origin, d, near, far));
+        cuts.sort_by(f64::total_cmp);
         let mut color = DVec3::ZERO;
         let mut column = 0.0;
-        for piece in self.cuts(start, along, near, far).windows(2) {
+        for piece in cuts.windows(2) {
             for &(x, w) in &self.nodes {
                 let t = 0.5 * (piece[0] + piece[1]) + 0.5 * (piece[1] - piece[0]) * x;
                 let at = start + t * along;
@@ -145,7 +157,14 @@ impl<'s> BruteForce<'s> {
             column += self.smooth(start, along, piece[0], piece[1]);
         }
         let through = exp(-column * extinction);
-        if let Some(environment) = self.scene.environment.as_ref().filter(|e| e.visible) {
+        if let Some(hit) = surface {
+            let x = origin + hit.distance * d;
+            let reflected = |light| {
+                let (toward, arriving) = self.lit(x, light)?;
+                Some(self.facets.reflect(&hit, d, toward) * arriving)
+            };
+            color += through * self.scene.lights.iter().filter_map(reflected).sum::<DVec3>();
+        } else if let Some(environment) = self.scene.environment.as_ref().filter(|e| e.visible) {
             color += through * environment.radiance(d);
         }
         [color.x, color.y, color.z, 1.0 - (through.x + through.y + through.z) / 3.0]
@@ -154,23 +173,46 @@ impl<'s> BruteForce<'s> {
     /// J: what the point `x` of the world scatters into a view ray along `d`, per unit of scattering.
     pub fn scattered(&self, x: DVec3, d: DVec3) -> DVec3 {
         let optics = &self.scene.optics;
-        let extinction = optics.extinction.as_dvec3();
         let mut sum = DVec3::ZERO;
         for part in &self.sphere {
             let (start, along) = self.carry(x, part.direction);
             let phase = optics.phase.eval(part.direction.dot(d)) * part.solid_angle;
             sum += phase * self.arriving(start, along, part.radiance);
         }
-        for light in &self.scene.lights {
-            let (toward, distance, irradiance) = light.at(x, 0.0);
-            if irradiance == DVec3::ZERO {
-                continue;
-            }
-            let (start, along) = self.carry(x, toward);
-            let column = self.column(start, along, distance);
-            sum += optics.phase.eval(toward.dot(d)) * irradiance * exp(-column * extinction);
+        for (toward, arriving) in self.scene.lights.iter().filter_map(|light| self.lit(x, light)) {
+            sum += optics.phase.eval(toward.dot(d)) * arriving;
         }
         sum
+    }
+
+    /// Direction toward a light and the irradiance that arrives of it; none in a shadow.
+    fn lit(&self, x: DVec3, light: &Light) -> Option<(DVec3, DVec3)> {
+        let (toward, distance, irradiance) = light.at(x, 0.0);
+        if irradiance == DVec3::ZERO || self.facets.hide(x, toward, distance) {
+            return None;
+        }
+        let (start, along) = self.carry(x, toward);
+        let column = self.column(start, along, distance);
+        Some((toward, irradiance * exp(-column * self.scene.optics.extinction.as_dvec3())))
+    }
+
+    /// Parameters between `near` and `far` of a view ray where light begins or ends, or grows much.
+    fn breaks(&self, origin: DVec3, d: DVec3, near: f64, far: f64) -> Vec<f64> {
+        let mut cuts = Vec::new();
+        for light in &self.scene.lights {
+            cuts.extend(self.facets.edges(origin, d, light));
+            if let Light::Point { position, .. } | Light::Spot { position, .. } = *light {
+                let middle = (position - origin).dot(d);
+                let mut apart = (origin + middle * d - position).length().max(1e-6 * (far - near));
+                cuts.push(middle);
+                while apart < far - near {
+                    cuts.extend([middle - apart, middle + apart]);
+                    apart *= 2.0;
+                }
+            }
+        }
+        cuts.retain(|t| *t > near && *t < far);
+        cuts
     }
 
     /// Radiance that reaches `start` along a ray from far away with `radiance`, attenuated, and what the medium emits
@@ -310,7 +352,7 @@ mod tests {
     use crate::light::{Environment, Image, Light};
     use crate::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
     use crate::reference::closed::{LitBox, emission_absorption};
-    use crate::scene::{Camera, Estimate, Quality};
+    use crate::scene::{Camera, Estimate, Material, Quality, Shape};
 
     const MIN: DVec3 = DVec3::new(-0.3, 0.1, -0.2);
     const MAX: DVec3 = DVec3::new(0.4, 0.6, 0.7);
@@ -401,6 +443,32 @@ mod tests {
         for c in 0..3 {
             // 32 rows leave 0.2 % of a phase function with g = 0.5.
             close(found[c], found[3] * f64::from(scene.optics.albedo[c]) * (c as f64 + 1.0), 2e-3);
+        }
+    }
+
+    /// A plate under light from straight above, seen through its shadow and from above.
+    #[test]
+    fn a_plate_shadows_and_is_lit() {
+        let mut scene = fog(0.5);
+        scene.medium = Arc::new(Homogeneous::new(1.0, DVec3::splat(-2.0), DVec3::splat(2.0)).unwrap());
+        let material = Material { diffuse: Vec3::new(0.8, 0.4, 0.2), ..Material::default() };
+        scene.surfaces = Some(Arc::new(Shape::Plane.mesh(material).unwrap()));
+        scene.lights = vec![Light::directional(DVec3::Y, Vec3::splat(3.0)).unwrap()];
+        let truth = BruteForce::new(&scene, &BruteSettings { rows: 1, nodes: 12 });
+        let through = |length: f64| (-0.5 * length).exp();
+        // Lit as far as x = -½ and again from x = ½ on, 2.2 m below the end of the medium.
+        let found = truth.ray(DVec3::new(-2.0, -0.2, 0.1), DVec3::X);
+        let lit = 1.0 - through(1.5) + through(2.5) - through(4.0);
+        let scattered = 3.0 * through(2.2) * scene.optics.phase.eval(0.0);
+        for c in 0..3 {
+            close(found[c], f64::from(scene.optics.albedo[c]) * scattered * lit, 1e-9);
+        }
+        scene.optics.albedo = Vec3::ZERO;
+        let truth = BruteForce::new(&scene, &BruteSettings { rows: 1, nodes: 12 });
+        let d = DVec3::new(0.6, -0.8, 0.0);
+        let found = truth.ray(DVec3::new(-0.7, 0.8, 0.1), d);
+        for c in 0..3 {
+            close(found[c], 3.0 * through(2.0) * f64::from(material.diffuse[c]) / PI * through(1.0), 1e-9);
         }
     }
 

@@ -9,7 +9,7 @@ use super::shadow::{Face, face, face_count};
 use super::sky::sky;
 use crate::basis::{Basis, SphericalHarmonics};
 use crate::blue_noise;
-use crate::stage::{FAR, LightRecord, MarchParams, MeshRecord, shadow_kind, surface_shadow};
+use crate::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, alone, shadow_kind, surface_shadow};
 
 /// What the bindings of [`March`](crate::stage::March) hold.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +53,10 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
     let mut film = Vec::new();
     for y in 0..params.height {
         for x in 0..params.width {
+            if params.alone == alone::RIMS && !inputs.surface.is_some_and(|surface| near_rim(params, surface, x, y)) {
+                film.extend([0.0, 0.0, 0.0, March::UNMARCHED.into(), 1.0, 1.0, 1.0, f64::INFINITY]);
+                continue;
+            }
             let full = |n: u32, size: u32| (n * params.scale + params.scale / 2).min(size - 1);
             let (fx, fy) = (full(x, params.full_width), full(y, params.full_height));
             // The surface of a sub-pixel position.
@@ -72,7 +76,7 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
                 let place = jitter(params, inputs.tables, x, y, s);
                 let path = Path::walk(params, inputs, &harmonics, d, limit(s), place);
                 let behind = match (surface(s), inputs.environment) {
-                    _ if params.alone == 1 => DVec3::ZERO,
+                    _ if params.alone != alone::NO => DVec3::ZERO,
                     (Some(surface), _) if surface[3].is_finite() => xyz(surface),
                     (_, Some(texels)) => {
                         sky([params.environment_width, params.environment_height], params.environment, texels, d)
@@ -88,12 +92,26 @@ pub fn march(params: &MarchParams, inputs: &MarchInputs<'_>) -> Vec<f64> {
             let (color, through) = (color / samples, through / samples);
             let alpha = 1.0 - (through.x + through.y + through.z) / 3.0;
             film.extend([color.x, color.y, color.z]);
-            film.push(if params.alone == 1 { limit(0).min(FAR.into()) } else { alpha });
+            film.push(if params.alone != alone::NO { limit(0).min(FAR.into()) } else { alpha });
             let depth = if stopped > 0.0 { stopped_at / stopped } else { f64::INFINITY };
             film.extend([through.x, through.y, through.z, depth]);
         }
     }
     film
+}
+
+/// Whether a rim of the surfaces, a vector a pixel of the full picture, is near a pixel of the film.
+pub fn near_rim(params: &MarchParams, surface: &[[f32; 4]], x: u32, y: u32) -> bool {
+    let (mut nearest, mut farthest) = (FAR, 0.0f32);
+    for y in y.saturating_sub(2)..=(y + 2).min(params.height - 1) {
+        for x in x.saturating_sub(2)..=(x + 2).min(params.width - 1) {
+            let full = |n: u32, size: u32| (n * params.scale + params.scale / 2).min(size - 1);
+            let (x, y) = (full(x, params.full_width), full(y, params.full_height));
+            let distance = surface[(y * params.full_width + x) as usize][3].min(FAR);
+            (nearest, farthest) = (nearest.min(distance), farthest.max(distance));
+        }
+    }
+    nearest < March::RIM * farthest
 }
 
 /// Where the samples of sub-pixel position `s` of a pixel lie within their steps.

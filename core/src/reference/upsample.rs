@@ -11,6 +11,8 @@ use crate::stage::{FAR, Upsample, UpsampleParams};
 pub struct UpsampleInputs<'a> {
     /// The small film, two vectors a pixel.
     pub medium: &'a [[f32; 4]],
+    /// The same of half the scale, where rims are near.
+    pub rims: Option<&'a [[f32; 4]]>,
     /// Surfaces behind the pixels.
     pub surface: Option<&'a [[f32; 4]]>,
     /// Normals of the surfaces.
@@ -32,13 +34,22 @@ pub fn upsample(params: &UpsampleParams, inputs: &UpsampleInputs<'_>) -> Vec<f64
             let pixel = (y * params.full_width + x) as usize;
             let surface = |s: usize| inputs.surface.map(|surface| surface[pixel * each + s % each]);
             let distance = surface(0).map_or(far, |s| f64::from(s[3]).min(far));
-            let taken = around(params, inputs, [x, y], distance);
+            let fine = inputs.rims.map(|film| Small { scale: params.scale / 2, film });
+            let whole = Small { scale: params.scale, film: inputs.medium };
+            let (mut taken, mut left) = (Vec::new(), 1.0);
+            for small in fine.into_iter().chain([whole]) {
+                let (marched, found) = around(params, inputs, &small, [x, y], distance);
+                let weight: f64 = found.iter().map(|(_, w)| w).sum();
+                let share = left * marched;
+                taken.extend(found.into_iter().map(|(pixel, w)| (&small.film[2 * pixel..][..2], w * share / weight)));
+                left -= share;
+            }
             let weight: f64 = taken.iter().map(|(_, w)| w).sum();
             let (mut light, mut through) = (DVec3::ZERO, DVec3::ZERO);
             let (mut stopped, mut stopped_at) = (0.0, 0.0);
             for (pixel, w) in taken {
-                light += xyz(inputs.medium[2 * pixel]) * w / weight;
-                let (t, depth) = (inputs.medium[2 * pixel + 1], f64::from(inputs.medium[2 * pixel + 1][3]));
+                light += xyz(pixel[0]) * w / weight;
+                let (t, depth) = (pixel[1], f64::from(pixel[1][3]));
                 through += xyz(t) * w / weight;
                 if depth < far {
                     let share = w * (1.0 - xyz(t).element_sum() / 3.0).max(1e-9);
@@ -55,11 +66,24 @@ pub fn upsample(params: &UpsampleParams, inputs: &UpsampleInputs<'_>) -> Vec<f64
     film
 }
 
-/// The pixels of the small film that a pixel takes, with their weights.
-fn around(params: &UpsampleParams, inputs: &UpsampleInputs<'_>, at: [u32; 2], distance: f64) -> Vec<(usize, f64)> {
-    let (small, full) = ([params.width, params.height], [params.full_width, params.full_height]);
-    let stands =
-        |n: i64, a: usize| (n * i64::from(params.scale) + i64::from(params.scale / 2)).min(i64::from(full[a]) - 1);
+/// A film smaller than the picture.
+#[derive(Clone, Copy)]
+struct Small<'a> {
+    scale: u32,
+    film: &'a [[f32; 4]],
+}
+
+/// The pixels of a small film that a pixel takes, with their weights; before them how much of the nearest was marched.
+fn around(
+    params: &UpsampleParams,
+    inputs: &UpsampleInputs<'_>,
+    Small { scale, film }: &Small<'_>,
+    at: [u32; 2],
+    distance: f64,
+) -> (f64, Vec<(usize, f64)>) {
+    let full = [params.full_width, params.full_height];
+    let small = full.map(|side| side.div_ceil(*scale));
+    let stands = |n: i64, a: usize| (n * i64::from(*scale) + i64::from(scale / 2)).min(i64::from(full[a]) - 1);
     // The last pixel of the small film that stands at or before this one, and its share of the way to the next.
     let axis = |a: usize| {
         let here = i64::from(at[a]);
@@ -71,15 +95,19 @@ fn around(params: &UpsampleParams, inputs: &UpsampleInputs<'_>, at: [u32; 2], di
     };
     let ((x0, x1, fx), (y0, y1, fy)) = (axis(0), axis(1));
     let place = |x: i64, y: i64| (y * i64::from(small[0]) + x) as usize;
-    let surface = |pixel: usize| f64::from(inputs.medium[2 * pixel][3]);
+    let surface = |pixel: usize| f64::from(film[2 * pixel][3]);
     let normal = |x: i64, y: i64| {
         inputs.normals.map(|n| xyz(n[(y * i64::from(full[0]) + x) as usize * params.normals_each as usize]))
     };
     let corners =
         [(x0, y0, (1.0 - fx) * (1.0 - fy)), (x1, y0, fx * (1.0 - fy)), (x0, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)];
-    let mut taken = Vec::new();
+    let (mut marched, mut taken) = (0.0, Vec::new());
     for (x, y, share) in corners {
         let pixel = place(x, y);
+        if surface(pixel) < 0.0 {
+            continue;
+        }
+        marched += share;
         let (near, distant) = (surface(pixel).min(distance), surface(pixel).max(distance));
         let mut weight = share * (2.0 - (1.0 - near / distant.max(1e-30)) / f64::from(Upsample::NEAR)).clamp(0.0, 1.0);
         let here = normal(at[0].into(), at[1].into());
@@ -92,20 +120,23 @@ fn around(params: &UpsampleParams, inputs: &UpsampleInputs<'_>, at: [u32; 2], di
         }
         taken.push((pixel, weight));
     }
+    if marched == 0.0 {
+        return (0.0, Vec::new());
+    }
     if taken.iter().map(|(_, w)| w).sum::<f64>() >= f64::from(Upsample::FIT) {
-        return taken;
+        return (marched, taken);
     }
     let mut nearest = (f64::INFINITY, place(x0, y0));
     for dy in -1..3 {
         for dx in -1..3 {
             let pixel = place((x0 + dx).clamp(0, i64::from(small[0]) - 1), (y0 + dy).clamp(0, i64::from(small[1]) - 1));
             let apart = (1.0 / distance.max(1e-6) - 1.0 / surface(pixel).max(1e-6)).abs();
-            if apart < nearest.0 {
+            if surface(pixel) >= 0.0 && apart < nearest.0 {
                 nearest = (apart, pixel);
             }
         }
     }
-    vec![(nearest.1, 1.0)]
+    (marched, vec![(nearest.1, 1.0)])
 }
 
 fn behind(
@@ -136,6 +167,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     use super::*;
+    use crate::stage::March;
 
     /// A film of 3 × 1 pixels for 12 × 1, whose radiance is the pixel's place and whose middle is before a near surface.
     fn film(middle: f32) -> (UpsampleParams, Vec<[f32; 4]>) {
@@ -148,7 +180,16 @@ mod tests {
     }
 
     fn red(params: &UpsampleParams, medium: &[[f32; 4]], surface: Option<&[[f32; 4]]>) -> Vec<f64> {
-        let inputs = UpsampleInputs { medium, surface, normals: None, environment: None, subpixels: &[0.5, 0.5] };
+        reds(params, medium, None, surface)
+    }
+
+    fn reds(
+        params: &UpsampleParams,
+        medium: &[[f32; 4]],
+        rims: Option<&[[f32; 4]]>,
+        surface: Option<&[[f32; 4]]>,
+    ) -> Vec<f64> {
+        let inputs = UpsampleInputs { medium, rims, surface, normals: None, environment: None, subpixels: &[0.5, 0.5] };
         upsample(params, &inputs).chunks_exact(8).map(|p| p[0]).collect()
     }
 
@@ -168,5 +209,22 @@ mod tests {
             (0..12).map(|x| [0.0, 0.0, 0.0, if near(x) { 3.0 } else { f32::INFINITY }]).collect();
         let found = red(&params, &medium, Some(&surface));
         assert_eq!(found, [2.0, 2.0, 2.0, 2.0, 6.0, 6.0, 6.0, 6.0, 10.0, 10.0, 10.0, 10.0]);
+    }
+
+    #[test]
+    fn where_a_rim_is_near_the_finer_film_serves() {
+        let (params, medium) = film(FAR);
+        // Of six pixels at 1, 3, … 11 those at 5, 7 and 9 were marched.
+        let fine = |x: usize| {
+            let value = 100.0 + (2 * x + 1) as f32;
+            let surface = if (2..5).contains(&x) { FAR } else { March::UNMARCHED };
+            [[value, value, value, surface], [0.5, 0.5, 0.5, value]]
+        };
+        let rims: Vec<_> = (0..6).flat_map(fine).collect();
+        let found = reds(&params, &medium, Some(&rims), None);
+        // At 4 and 10 one of two neighbours was.
+        let half = |a: f64, b: f64| 0.5 * a + 0.5 * b;
+        let (begins, ends) = (half(4.0, 105.0), half(10.0, 109.0));
+        assert_eq!(found, [2.0, 2.0, 2.0, 3.0, begins, 105.0, 106.0, 107.0, 108.0, 109.0, ends, 10.0]);
     }
 }

@@ -31,6 +31,11 @@ impl Default for Estimate {
 }
 
 impl Estimate {
+    /// No light in the medium but its own.
+    pub fn none() -> Self {
+        Self { environment: None, lights: None, scattering: None, all: None }
+    }
+
     /// The defaults without further orders.
     pub fn single() -> Self {
         Self { scattering: None, ..Self::default() }

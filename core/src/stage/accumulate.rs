@@ -10,12 +10,15 @@
 //! transmittance are clamped to the range of the three by three pixels around in the picture that is added (B. Karis 2014,
 //! High Quality Temporal Supersampling). A picture that was added already ([`mode::AGAIN`]) changes nothing.
 //!
+//! A pixel that was not marched ([`March::UNMARCHED`]) keeps no history and is passed over by the range around.
+//!
 //! A history that is not finite is left out wherever it is met. Depths are weighed with what is stopped, 1 - mean T.
 //!
 //! The work axis is the blocks of 8×8 pixels, row by row.
 
 use crate::device::{Binding, Buf};
 use crate::kernel_struct;
+use crate::stage::upsample::is_small;
 use crate::stage::{Kernel, March, require};
 
 kernel_struct! {
@@ -128,15 +131,7 @@ impl Kernel for Accumulate {
         let p = &self.params;
         let pixels = u64::from(p.width) * u64::from(p.height);
         require!(pixels > 0 && u32::try_from(3 * pixels).is_ok(), "a film of {} × {}", p.width, p.height);
-        require!(
-            p.scale > 0 && [p.full_width, p.full_height].map(|side| side.div_ceil(p.scale)) == [p.width, p.height],
-            "a film of {} × {} for {} × {} pixels at scale {}",
-            p.width,
-            p.height,
-            p.full_width,
-            p.full_height,
-            p.scale
-        );
+        is_small([p.width, p.height], [p.full_width, p.full_height], p.scale)?;
         for (what, len, each) in [
             ("medium", self.medium.len, 2),
             ("last", self.last.len, 3),

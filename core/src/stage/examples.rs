@@ -96,6 +96,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
         Stage::Upsample(Upsample {
             params: Zeroable::zeroed(),
             medium: buf(0),
+            rims: full.then(|| buf(6)),
             surface: full.then(|| buf(1)),
             normals: full.then(|| buf(2)),
             environment: full.then(|| field(3, FieldFormat::Rgba)),

@@ -23,6 +23,10 @@
 //! place. Such a film may be smaller than the picture, by `scale` along each side: the ray of pixel (x, y) is that of
 //! pixel (min(x·`scale` + `scale`/2, `full_width` - 1), …) of the full picture, whose surface ends it.
 //!
+//! Of such a film only what lies near rims may be marched ([`alone::RIMS`]): pixels where, of the surfaces of five by
+//! five pixels of the film around, the nearest is nearer than [`March::RIM`] of the farthest. All others are left black
+//! and clear, with [`March::UNMARCHED`] in alpha's place.
+//!
 //! The work axis is the blocks of 8×8 pixels, row by row.
 //!
 //! In passes, the film holds sums until the last one: RGB and the distance's weight, transmittance and the weighted
@@ -36,7 +40,7 @@ use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec, ResourceId};
 use crate::kernel_struct;
 use crate::stage::grid::{is_color, is_scalar, most_steps};
 use crate::stage::trace::holds;
-use crate::stage::upsample::is_sky;
+use crate::stage::upsample::{is_sky, is_small};
 use crate::stage::{Kernel, MeshRecord, PhaseParams, require, surface_shadow};
 
 kernel_struct! {
@@ -148,9 +152,19 @@ kernel_struct! {
         full_width: U32,
         /// Rows of the full picture.
         full_height: U32,
-        /// 1 for the medium alone, as `upsample` takes it; 0 for the picture.
+        /// What the film holds: a constant of [`alone`].
         alone: U32,
     }
+}
+
+/// Whether the film of `march` is of the medium alone.
+pub mod alone {
+    /// It is the picture.
+    pub const NO: u32 = 0;
+    /// It is of the medium alone, as `upsample` takes it.
+    pub const ALL: u32 = 1;
+    /// The same, marched near rims alone.
+    pub const RIMS: u32 = 2;
 }
 
 /// How a light in `march` is shadowed by the medium.
@@ -228,6 +242,11 @@ impl March {
     pub const BLOCK: u32 = 8;
     /// Transmittance below which a ray ends.
     pub const CUT: f32 = 1e-4;
+    /// Of two surfaces with a rim between them, the nearer is nearer than this part of the farther: where
+    /// [`Upsample`](crate::stage::Upsample) begins to tell them apart.
+    pub const RIM: f32 = 0.95;
+    /// What stands in place of a surface's distance where nothing was marched.
+    pub const UNMARCHED: f32 = -1.0;
 
     /// `step_end` of a pass in which rays end.
     pub const ALL_STEPS: u32 = u32::MAX;
@@ -252,9 +271,11 @@ impl March {
         // Of a step: itself, the channels, the layers, the lights with their ways and columns.
         let light = column.saturating_add(way).saturating_add(1);
         let step = (layers + 4).saturating_add(u64::from(p.lights).saturating_mul(light));
-        // Of a ray: itself and the harmonics of its direction, one turn a coefficient and two a band at the most.
+        // Of a ray: itself, the surfaces around it and the harmonics of its direction, one turn a coefficient and two a
+        // band at the most.
         let coefficients = if layers > 0 { u64::from(p.bands) * u64::from(p.bands) } else { 0 };
-        Turns { steps, step, ray: 1 + coefficients + 2 * u64::from(p.bands) }
+        let around = if p.alone == alone::RIMS { 25 } else { 0 };
+        Turns { steps, step, ray: 1 + around + coefficients + 2 * u64::from(p.bands) }
     }
 
     /// Blocks along x and y.
@@ -292,6 +313,11 @@ impl Kernel for March {
         let p = &self.params;
         let row = u64::from(Self::BLOCK) * u64::from(p.width);
         let full_row = u64::from(Self::BLOCK) * u64::from(p.scale) * u64::from(p.full_width);
+        let mut surface = Binding::read("surface", self.surface);
+        // Near rims those of the pixels around are read too.
+        if p.alone != alone::RIMS {
+            surface = surface.in_parts::<[f32; 4]>(full_row * u64::from(p.surface_samples));
+        }
         vec![
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
             Binding::sample("scattering", FieldFormat::Rgba, self.scattering),
@@ -304,8 +330,7 @@ impl Kernel for March {
             Binding::read("lights", self.lights),
             Binding::read("tables", Some(self.tables)),
             Binding::sample("environment", FieldFormat::Rgba, self.environment),
-            Binding::read("surface", self.surface)
-                .in_parts::<[f32; 4]>(full_row * u64::from(self.params.surface_samples)),
+            surface,
             Binding::read("mesh", self.mesh),
             Binding::read("shadow_map", self.shadow_map),
             Binding::write("paths", self.paths).in_parts::<[f32; 4]>(2 * row),
@@ -338,16 +363,10 @@ impl Kernel for March {
         require!(pixels > 0 && u32::try_from(pixels).is_ok(), "a picture of {} × {}", p.width, p.height);
         require!(self.film.len >= 2 * pixels, "a film of {} vectors for {pixels} pixels", self.film.len);
         let full = u64::from(p.full_width) * u64::from(p.full_height);
-        require!(p.scale > 0 && u32::try_from(full).is_ok(), "a scale of {} and {full} pixels", p.scale);
-        require!(
-            [p.full_width, p.full_height].map(|side| side.div_ceil(p.scale)) == [p.width, p.height],
-            "a film of {} × {} for {} × {} pixels at scale {}",
-            p.width,
-            p.height,
-            p.full_width,
-            p.full_height,
-            p.scale
-        );
+        is_small([p.width, p.height], [p.full_width, p.full_height], p.scale)?;
+        require!(p.alone <= alone::RIMS, "a film of kind {}", p.alone);
+        let near = p.alone != alone::RIMS || (p.samples == 1 && self.surface.is_some());
+        require!(near, "rims of {} samples, or without surfaces", p.samples);
         if let Some(surface) = self.surface {
             let each = p.surface_samples;
             require!(each == 1 || each == p.samples, "surfaces of {each} positions for {} samples", p.samples);
@@ -515,6 +534,20 @@ mod tests {
         assert_eq!(small.validate(), Ok(()));
         small.params.full_width = 13;
         assert!(small.validate().unwrap_err().contains("scale 4"));
+    }
+
+    #[test]
+    fn rims_are_of_surfaces_that_are_bound_whole() {
+        let mut rims = March { surface: Some(Buf::new(ResourceId(5), 6)), ..march(1) };
+        let part = |march: &March| march.bindings().into_iter().find(|b| b.name == "surface").unwrap().part;
+        rims.params.surface_samples = 1;
+        assert!(part(&rims).is_some());
+        rims.params.alone = alone::RIMS;
+        assert_eq!((rims.validate(), part(&rims)), (Ok(()), None));
+        assert!(March { surface: None, ..rims.clone() }.validate().unwrap_err().contains("without surfaces"));
+        assert_eq!(rims.turns().ray, march(1).turns().ray + 25);
+        rims.params.alone = 3;
+        assert!(rims.validate().is_err());
     }
 
     #[test]

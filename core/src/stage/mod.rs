@@ -30,7 +30,7 @@ pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
 pub use illuminate::{Illuminate, IlluminateParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
-pub use march::{LightRecord, March, MarchParams, shadow_kind};
+pub use march::{LightRecord, March, MarchParams, alone, shadow_kind};
 pub use obstruct::{Obstruct, ObstructParams};
 pub use path::{Path, PathParams, PathRecord, path_mode};
 pub use path_tables::PathTables;

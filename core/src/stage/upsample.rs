@@ -8,6 +8,10 @@
 //! at 1, unless one of the two has none. Where the weights add up to less than [`Upsample::FIT`], that pixel of the four by four nearest serves alone whose
 //! inverse distance differs least. Depths are weighed with what is stopped, 1 - mean T.
 //!
+//! Where there are `rims`, a film of half the scale that [`March`] made near rims alone, it serves in the small film's
+//! place by as much as those of its two by two nearest that were marched have of their bilinear weights; what was not
+//! marched is passed over.
+//!
 //! Behind the medium lies, times T, the mean over the sub-pixel positions of the surface's radiance where there is one, else
 //! of the visible environment. The surface that is fitted is that of the first position.
 //!
@@ -64,6 +68,8 @@ pub struct Upsample {
     pub params: UpsampleParams,
     /// Two vectors a pixel of the small film, as [`March`] leaves the medium alone.
     pub medium: Buf<[f32; 4]>,
+    /// The same of half the scale, where rims are near.
+    pub rims: Option<Buf<[f32; 4]>>,
     /// Radiance of the surface behind each pixel of the full picture, or each of its sub-pixel positions, RGB, and its
     /// distance along the ray in metres (infinite for none).
     pub surface: Option<Buf<[f32; 4]>>,
@@ -103,6 +109,7 @@ impl Kernel for Upsample {
         let row = u64::from(March::BLOCK) * u64::from(self.params.full_width);
         vec![
             Binding::read("medium", Some(self.medium)),
+            Binding::read("rims", self.rims),
             Binding::read("surface", self.surface).in_parts::<[f32; 4]>(row * u64::from(self.params.surface_samples)),
             Binding::read("normals", self.normals),
             Binding::sample("environment", FieldFormat::Rgba, self.environment),
@@ -122,19 +129,16 @@ impl Kernel for Upsample {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
+        is_small([p.width, p.height], [p.full_width, p.full_height], p.scale)?;
         let full = u64::from(p.full_width) * u64::from(p.full_height);
-        require!(full > 0 && u32::try_from(full).is_ok(), "a picture of {} × {}", p.full_width, p.full_height);
-        require!(
-            p.scale > 0 && [p.full_width, p.full_height].map(|side| side.div_ceil(p.scale)) == [p.width, p.height],
-            "a film of {} × {} for {} × {} pixels at scale {}",
-            p.width,
-            p.height,
-            p.full_width,
-            p.full_height,
-            p.scale
-        );
         let small = 2 * u64::from(p.width) * u64::from(p.height);
         require!(self.medium.len >= small, "a film of {} vectors of the medium, not {small}", self.medium.len);
+        if let Some(rims) = self.rims {
+            let scale = p.scale / 2;
+            require!(p.scale.is_multiple_of(2), "rims at half of scale {}", p.scale);
+            let wanted = 2 * u64::from(p.full_width.div_ceil(scale)) * u64::from(p.full_height.div_ceil(scale));
+            require!(rims.len >= wanted, "a film of {} vectors near rims, not {wanted}", rims.len);
+        }
         require!(self.film.len >= 2 * full, "a film of {} vectors for {full} pixels", self.film.len);
         if let Some(surface) = self.surface {
             let each = p.surface_samples;
@@ -159,14 +163,26 @@ impl Kernel for Upsample {
     }
 
     fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
-        // The pixels around, and the sub-pixel positions.
-        let needed = 32 + u64::from(self.params.samples);
+        // The pixels around in both films, and the sub-pixel positions.
+        let needed = 64 + u64::from(self.params.samples);
         require!(
             needed <= turns,
             "a pixel takes up to {needed} turns of loops, and {turns} are allowed: fewer samples"
         );
         Ok(vec![self.clone()])
     }
+}
+
+/// Whether a film has a pixel for every `scale` × `scale` of a picture, and that has at most 2³² pixels.
+pub(super) fn is_small(film: [u32; 2], full: [u32; 2], scale: u32) -> Result<(), String> {
+    let ([width, height], [full_width, full_height]) = (film, full);
+    let pixels = u64::from(full_width) * u64::from(full_height);
+    require!(pixels > 0 && u32::try_from(pixels).is_ok(), "a picture of {full_width} × {full_height}");
+    require!(
+        scale > 0 && full.map(|side| side.div_ceil(scale)) == film,
+        "a film of {width} × {height} for {full_width} × {full_height} pixels at scale {scale}"
+    );
+    Ok(())
 }
 
 /// Whether a field holds an environment of so many columns and rows.
@@ -195,6 +211,7 @@ mod tests {
         let stage = Upsample {
             params,
             medium: Buf::new(ResourceId(0), 12),
+            rims: Some(Buf::new(ResourceId(4), 40)),
             surface: None,
             normals: None,
             environment: None,
@@ -203,8 +220,9 @@ mod tests {
         };
         assert_eq!((stage.validate(), stage.axis(), stage.group()), (Ok(()), 2, 2));
         assert!(Upsample { medium: Buf::new(ResourceId(0), 11), ..stage.clone() }.validate().is_err());
+        assert!(Upsample { rims: Some(Buf::new(ResourceId(4), 39)), ..stage.clone() }.validate().is_err());
         assert!(Upsample { normals: Some(Buf::new(ResourceId(3), 71)), ..stage.clone() }.validate().is_err());
-        assert!(stage.passes(32).unwrap_err().contains("fewer samples"));
+        assert!(stage.passes(64).unwrap_err().contains("fewer samples"));
         let mut wide = stage;
         wide.params.full_width = 13;
         assert!(wide.validate().unwrap_err().contains("scale 4"));

@@ -49,8 +49,7 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
         }
         let (kind, options) = all.kinds(None, &[PATH, TRANSFER])?;
         if kind == "path" {
-            let all = Some(AllEstimate::Path(path(&options)?));
-            return Ok(Estimate { environment: None, lights: None, scattering: None, all });
+            return Ok(Estimate { all: Some(AllEstimate::Path(path(&options)?)), ..Estimate::none() });
         }
         return Err(unbuilt(&all, kind, &options, "leave estimate.all out; environment and lights have estimators")?);
     }

@@ -49,9 +49,12 @@ pub(super) fn steps(page: &mut String, subject: &Subject) -> Result<(), Box<dyn 
         page,
         "and away from them; steps of ½ voxel against full size, and 32 jittered steps against {MANY} steps at full size."
     )?;
-    writeln!(page, "Seconds are those of all stages in steps of ½ voxel.\n")?;
-    writeln!(page, "| scale | away | along rims | jittered, away | jittered, along rims | seconds |")?;
-    writeln!(page, "| ---: | ---: | ---: | ---: | ---: | ---: |")?;
+    writeln!(
+        page,
+        "Rays are those that are marched for each pixel; seconds those of all stages in steps of ½ voxel.\n"
+    )?;
+    writeln!(page, "| scale | away | along rims | jittered, away | jittered, along rims | rays | seconds |")?;
+    writeln!(page, "| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
     let scene = sequences::scene(320, 240).map_err(told)?;
     let truth = film(&sequences::in_steps(&scene, MANY, Jitter::None, false))?;
     let fine = sequences::small(subject, &scene, None).map_err(told)?;
@@ -59,7 +62,7 @@ pub(super) fn steps(page: &mut String, subject: &Subject) -> Result<(), Box<dyn 
     let coarse = sequences::small(subject, &few, Some(&truth)).map_err(told)?;
     for (scale, (fine, coarse)) in [1, 2, 4].into_iter().zip(fine.iter().zip(&coarse)) {
         let columns = [fine.away, fine.along, coarse.away, coarse.along].map(percent).join(" | ");
-        writeln!(page, "| {scale} | {columns} | {} |", number(fine.seconds))?;
+        writeln!(page, "| {scale} | {columns} | {:.3} | {} |", fine.rays, number(fine.seconds))?;
     }
     Ok(())
 }
