@@ -39,6 +39,7 @@ pub mod sequences;
 mod sidecar;
 mod stages;
 mod suite;
+mod suns;
 mod surfaces;
 pub mod tolerance;
 mod truth;
@@ -136,6 +137,7 @@ pub fn cases() -> Vec<Case> {
         surfaces::cases(),
         frames::cases(),
         estimators::cases(),
+        suns::cases(),
         keys::cases(),
         sequences::cases(),
         pictures::cases(),

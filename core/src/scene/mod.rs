@@ -9,6 +9,7 @@ mod mesh;
 mod placement;
 mod quality;
 mod shapes;
+mod sun;
 
 use std::sync::Arc;
 
@@ -17,8 +18,8 @@ use glam::DVec3;
 pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation, LightsEstimate, Opacity,
-    Records, Scheme, Shadow, SurfaceShadow,
+    Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
+    LightsEstimate, Opacity, Records, Scheme, Shadow, SurfaceShadow,
 };
 pub use film::Film;
 pub use hierarchy::Hierarchy;
@@ -26,6 +27,7 @@ pub use mesh::{Material, Mesh, MeshError, Triangle};
 pub use placement::{Placement, normal_map};
 pub use quality::{Jitter, Quality};
 pub use shapes::Shape;
+pub use sun::{Extraction, Negative, Reason};
 
 use crate::light::{Environment, EnvironmentError, Light};
 use crate::media::{Medium, MediumError, Optics, OpticsError};
@@ -120,7 +122,18 @@ impl Scene {
             return Err(SceneError::Eye(self.camera.origin));
         }
         self.quality.validate(self.medium.as_ref(), self.camera.samples)?;
-        Ok(self.estimate.validate(&self.optics.phase)?)
+        self.estimate.validate(&self.optics.phase)?;
+        if let (Some(EnvironmentEstimate::Records(records)), Some(environment)) =
+            (&self.estimate.environment, &self.environment)
+            && records.extract_sun == ExtractSun::Always
+            && environment.split().is_none()
+        {
+            return Err(EstimateError::Sun(
+                "asks for a sun, and no part of the environment within 10° stands out; leave extract_sun out",
+            )
+            .into());
+        }
+        Ok(())
     }
 }
 
@@ -129,7 +142,7 @@ mod tests {
     use super::*;
     use crate::media::Homogeneous;
 
-    fn fog(max: DVec3) -> Scene {
+    pub(super) fn fog(max: DVec3) -> Scene {
         Scene {
             camera: Camera {
                 origin: DVec3::new(3.0, 2.0, 4.0),
