@@ -37,6 +37,11 @@ pub(crate) fn cases() -> Vec<Case> {
             seen,
         ),
         Case::new(
+            "suns::a_turning_sky",
+            "Where the sky turns, the sun's shadow and the light of the records are made again, and no records.",
+            turning,
+        ),
+        Case::new(
             "suns::windows_against_brute_force",
             "Records with a window on their bands are brute force's under the same faded light.",
             windowed,
@@ -163,6 +168,22 @@ fn seen(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let (taken, kept) = (clear(&taken), clear(&kept));
     check!(taken.len() > 300, "only {} values of clear sky", taken.len());
     record.same("sky", &taken, &kept);
+    Ok(())
+}
+
+fn turning(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = scene(Content::Transmittance, Phase::Isotropic, ExtractSun::Auto);
+    let mut renderer = subject.renderer()?;
+    let mut ran = |scene: &Scene| -> Result<_, Failed> { Ok(renderer.render(scene)?.report.ran()) };
+    ran(&scene)?;
+    check!(ran(&scene)?.is_empty(), "a still sky costs something");
+    if let Some(sky) = &mut scene.environment {
+        sky.rotation += 40.0;
+    }
+    let found = ran(&scene)?;
+    check!(found == ["relight", "propagate", "march"], "{found:?} ran");
+    let fresh = subject.renderer()?.render(&scene)?.film;
+    record.same("film", renderer.render(&scene)?.film.beauty.as_flattened(), fresh.beauty.as_flattened());
     Ok(())
 }
 
