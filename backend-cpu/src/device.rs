@@ -178,6 +178,7 @@ impl Device for CpuDevice {
             Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),
             Stage::Upsample(stage) => kernels::upsample::run(stage, part, &mut memory, isa),
             Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory),
+            Stage::Path(stage) => kernels::path::run(stage, part, &mut memory),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

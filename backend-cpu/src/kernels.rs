@@ -3,6 +3,7 @@
 
 pub(crate) mod accumulate;
 pub(crate) mod angle;
+pub(crate) mod bend;
 pub(crate) mod face;
 pub(crate) mod field;
 pub(crate) mod harmonics;
@@ -12,9 +13,11 @@ pub(crate) mod march;
 pub(crate) mod maximum;
 pub(crate) mod mesh;
 pub(crate) mod noise;
+pub(crate) mod path;
 pub(crate) mod phase;
 pub(crate) mod project;
 pub(crate) mod propagate;
+pub(crate) mod random;
 pub(crate) mod reduce;
 pub(crate) mod relight;
 pub(crate) mod sample;
@@ -25,3 +28,4 @@ pub(crate) mod sky;
 pub(crate) mod trace;
 pub(crate) mod upsample;
 pub(crate) mod view;
+pub(crate) mod walk;

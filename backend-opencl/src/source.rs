@@ -50,6 +50,9 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Mesh => file!("mesh.cl"),
         Helper::Face => file!("face.cl"),
         Helper::Sky => file!("sky.cl"),
+        Helper::Random => file!("random.cl"),
+        Helper::Walk => file!("walk.cl"),
+        Helper::Bend => file!("bend.cl"),
     }
 }
 
@@ -83,6 +86,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Shadow(_) => (file!("shadow.cl"), 1),
         Stage::Upsample(_) => (file!("upsample.cl"), March::BLOCK * March::BLOCK),
         Stage::Accumulate(_) => (file!("accumulate.cl"), March::BLOCK * March::BLOCK),
+        Stage::Path(_) => (file!("path.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

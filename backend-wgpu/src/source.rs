@@ -68,6 +68,9 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Mesh => file!("mesh.wgsl"),
         Helper::Face => file!("face.wgsl"),
         Helper::Sky => file!("sky.wgsl"),
+        Helper::Random => file!("random.wgsl"),
+        Helper::Walk => file!("walk.wgsl"),
+        Helper::Bend => file!("bend.wgsl"),
     }
 }
 
@@ -96,6 +99,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Shadow(_) => (file!("shadow.wgsl"), 64),
         Stage::Upsample(_) => (file!("upsample.wgsl"), 1),
         Stage::Accumulate(_) => (file!("accumulate.wgsl"), 1),
+        Stage::Path(_) => (file!("path.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

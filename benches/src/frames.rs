@@ -105,6 +105,7 @@ pub(crate) fn scene_of(frame: Frame, medium: Arc<dyn Medium>) -> Scene {
                 EnvironmentEstimate::Records(Records { cells: 36, content, ..Records::default() })
             }),
             lights: Some(LightsEstimate::Direct(Direct::default())),
+            all: None,
         },
         quality: Quality::default(),
     }

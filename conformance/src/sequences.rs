@@ -107,6 +107,7 @@ pub fn scene(width: u32, height: u32) -> Result<Scene, Failed> {
         estimate: Estimate {
             environment: None,
             lights: Some(LightsEstimate::Opacity(Opacity { cells: 32, ..Opacity::default() })),
+            all: None,
         },
         quality: Quality { step: 0.5, ..Quality::default() },
     })

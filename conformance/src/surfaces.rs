@@ -79,7 +79,7 @@ fn fog(low: DVec3, high: DVec3, optics: Optics, surfaces: Mesh) -> Scene {
         surfaces: Some(Arc::new(surfaces)),
         frame: 0,
         lights: Vec::new(),
-        estimate: Estimate { environment: None, lights: None },
+        estimate: Estimate { environment: None, lights: None, all: None },
         quality: Quality::default(),
     }
 }

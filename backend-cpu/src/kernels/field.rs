@@ -148,6 +148,21 @@ impl<'a> Scalars<'a> {
         lerp(near, far, f[2])
     }
 
+    /// The same at a single point.
+    #[inline(always)]
+    pub(crate) fn single(&self, p: [f32; 3]) -> f32 {
+        let q = triple!(a => p[a].max(0.0).min((self.dims[a] - 1) as f32));
+        let lo = triple!(a => q[a] as usize);
+        let f = triple!(a => q[a] - lo[a] as f32);
+        let pitch = [1, self.dims[0] as usize, self.dims[0] as usize * self.dims[1] as usize];
+        let [dx, dy, dz] = triple!(a => if lo[a] + 1 < self.dims[a] as usize { pitch[a] } else { 0 });
+        let near = lo[0] + lo[1] * pitch[1] + lo[2] * pitch[2];
+        let mix = |a: f32, b: f32, f: f32| a + (b - a) * f;
+        let row = |at: usize| mix(self.texels[at], self.texels[at + dx], f[0]);
+        let plane = |at: usize| mix(row(at), row(at + dy), f[1]);
+        mix(plane(near), plane(near + dz), f[2])
+    }
+
     /// Between the texels at `at` and `dx` further.
     #[inline(always)]
     fn row(&self, at: I, dx: I, f: F) -> F {

@@ -96,7 +96,7 @@ fn frames(volume: Arc<Volume>, cells: u32, dynamic: Dynamic, form: Form) -> Fram
             samples: 1,
         },
         optics: Optics::grey(EXTINCTION, 0.9),
-        estimate: Estimate { environment: Some(EnvironmentEstimate::Records(records)), lights: None },
+        estimate: Estimate { environment: Some(EnvironmentEstimate::Records(records)), lights: None, all: None },
         ..scene_of(Frame::RecordsDynamicLight, volume)
     };
     Frames::new(scene, move |scene, number| {

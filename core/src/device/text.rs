@@ -9,9 +9,9 @@ use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
     Accumulate, AccumulateParams, BlobRecord, FAR, Inject, InjectParams, LightFace, LightPlace, LightRecord, March,
-    MarchParams, MaterialRecord, MeshRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce,
-    ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, inject_kind, propagate::scheme, shadow_kind, surface_shadow,
+    MarchParams, MaterialRecord, MeshRecord, Path, PathParams, PathRecord, PhaseParams, Project, ProjectParams,
+    PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, TraceParams, Upsample,
+    UpsampleParams, accumulate_mode, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -88,11 +88,17 @@ pub enum Helper {
     Face,
     /// The environment as it is seen.
     Sky,
+    /// Random numbers, and what is made of them.
+    Random,
+    /// Walks along rays from one tentative collision to the next.
+    Walk,
+    /// Directions in which scattering bends.
+    Bend,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 16] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -106,6 +112,9 @@ impl Helper {
         Self::Mesh,
         Self::Face,
         Self::Sky,
+        Self::Random,
+        Self::Walk,
+        Self::Bend,
     ];
 
     /// Name of its file, without the language's ending.
@@ -124,6 +133,9 @@ impl Helper {
             Self::Mesh => "mesh",
             Self::Face => "face",
             Self::Sky => "sky",
+            Self::Random => "random",
+            Self::Walk => "walk",
+            Self::Bend => "bend",
         }
     }
 }
@@ -220,6 +232,22 @@ const UPSAMPLE: Recipe = Recipe {
 const ACCUMULATE: Recipe =
     Recipe { params: AccumulateParams::NAME, structs: &[AccumulateParams::text], per_field: &[], helpers: &[] };
 
+const PATH: Recipe = Recipe {
+    params: PathParams::NAME,
+    structs: &[PathParams::text, PathRecord::text, LightRecord::text, MeshRecord::text],
+    per_field: &[Helper::Field],
+    helpers: &[
+        Helper::Angle,
+        Helper::Phase,
+        Helper::Light,
+        Helper::Mesh,
+        Helper::Sky,
+        Helper::Random,
+        Helper::Walk,
+        Helper::Bend,
+    ],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -235,6 +263,7 @@ impl Recipe {
             Stage::Shadow(_) => SHADOW,
             Stage::Upsample(_) => UPSAMPLE,
             Stage::Accumulate(_) => ACCUMULATE,
+            Stage::Path(_) => PATH,
         }
     }
 
@@ -267,6 +296,13 @@ impl Recipe {
             ("INJECT_GAUSSIANS", inject_kind::GAUSSIANS),
             ("INJECT_HEIGHT_FOG", inject_kind::HEIGHT_FOG),
             ("NOISE_PERIOD", FractalNoise::PERIOD),
+            ("PATH_IDLE", path_mode::IDLE),
+            ("PATH_VIEW", path_mode::VIEW),
+            ("PATH_SHADOW", path_mode::SHADOW),
+            ("PATH_DEPART", path_mode::DEPART),
+            ("PATH_FLIGHT", path_mode::FLIGHT),
+            ("PATH_LONG", Path::LONG),
+            ("CHOICE", Path::CHOICE),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);
@@ -283,6 +319,8 @@ impl Recipe {
             ("UPSAMPLE_FIT", Upsample::FIT),
             ("ACCUMULATE_NEAR", Accumulate::NEAR),
             ("ACCUMULATE_FIT", Accumulate::FIT),
+            ("PATH_FAINT", Path::FAINT),
+            ("PATH_WEAK", Path::WEAK),
         ] {
             out += &language.float(name, value);
         }

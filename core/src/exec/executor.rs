@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::error::ExecError;
 use super::key::Key;
+use super::paths::PathsRun;
 use super::plan::{Declared, Node, Plan, Slots, Work};
 use crate::device::{Buf, Bytes, Device, DeviceError, FieldSpec, ResourceId, ResourceSpec};
 use crate::stage::Stage;
@@ -51,6 +52,8 @@ pub struct Report {
     pub upload_time: Duration,
     /// Bytes that the plan's resources take on the device.
     pub bytes: u64,
+    /// How far paths were traced, where the estimator is `path`.
+    pub paths: Option<PathsRun>,
 }
 
 impl Report {

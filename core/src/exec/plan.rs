@@ -217,6 +217,14 @@ impl<'a> Plan<'a> {
         State { previous: Buf::new(previous, len), next: Buf::new(next, len) }
     }
 
+    /// A buffer of `len` elements that a stage changes in place from frame to frame, and the host may read. It becomes
+    /// zeros when `reset` changes or the size does, and after a fault.
+    pub fn kept<T: Pod>(&mut self, slot: &str, len: u64, reset: &impl Hash) -> Buf<T> {
+        let bytes = len.saturating_mul(size_of::<T>() as u64);
+        let spec = ResourceSpec::Buffer { bytes, usage: Usage::Output };
+        Buf::new(self.declare(slot, spec, Some(Key::of("reset", &(len, reset)))), len)
+    }
+
     /// What the last frame that ran handed on under a name; none where it handed on nothing, or something of another type.
     /// The next frame finds `value` there, if this one runs.
     pub fn hand_on<T: Copy + Send + 'static>(&mut self, slot: &str, value: T) -> Option<T> {

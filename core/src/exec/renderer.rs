@@ -16,7 +16,7 @@ use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fol
 use crate::estimator::{EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, Sources};
 use crate::light::Environment;
 use crate::media::{OpticsField, OpticsFields};
-use crate::scene::{EnvironmentEstimate, Film, Jitter, LightsEstimate, Scene};
+use crate::scene::{AllEstimate, EnvironmentEstimate, Film, Jitter, LightsEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
 
 /// A film and how it came about.
@@ -59,18 +59,30 @@ impl<'a> Surface<'a> {
     ) -> Self {
         Self { content, fill: Box::new(fill) }
     }
+
+    /// Its identity.
+    pub(super) fn content(&self) -> Version {
+        self.content
+    }
+
+    /// One that an earlier plan has filled.
+    pub(super) fn filled(content: Version) -> Self {
+        Self::new(content, |_, _| {
+            Err(DeviceError::Invalid("a background that is filled once is asked for again".into()))
+        })
+    }
 }
 
 /// Renders scenes on one device, and keeps between pictures what does not change.
 pub struct Renderer {
-    executor: Executor,
+    pub(super) executor: Executor,
 }
 
 /// Voxels along each side of a cell of the march's occupancy.
 const OCCUPANCY: u32 = 8;
 
 /// Pixels that are read back or written at a time: 2 MiB of a film.
-const READ: u64 = 1 << 16;
+pub(super) const READ: u64 = 1 << 16;
 
 /// Texels along a row, and rows of a slice, of the field that holds the environment. Every device holds fields of that
 /// side, and at most a mebibyte is left empty.
@@ -115,6 +127,10 @@ impl Renderer {
     /// As [`Renderer::render`]; cancellation.
     pub fn render_with(&mut self, scene: &Scene, hooks: &mut Hooks<'_>) -> Result<Rendered, RenderError> {
         scene.validate()?;
+        if let Some(AllEstimate::Path(path)) = &scene.estimate.all {
+            let left = self.trace_paths(scene, path, None, hooks)?;
+            return Ok(Rendered { film: self.read(&left)?, report: left.report });
+        }
         let lit = scene.lit();
         // The plan borrows the executor for as long as the scene: both end with this call.
         let (film, report) = self.executor.run(hooks, |plan| {
@@ -140,6 +156,9 @@ impl Renderer {
         hooks: &mut Hooks<'_>,
     ) -> Result<OnDevice, RenderError> {
         scene.validate()?;
+        if let Some(AllEstimate::Path(path)) = &scene.estimate.all {
+            return self.trace_paths(scene, path, surface, hooks);
+        }
         let lit = scene.lit();
         let sky = scene.environment.as_ref();
         let (film, report) = self.executor.submit(hooks, |plan| plan_frame(&lit, sky, surface, plan))?;
@@ -210,7 +229,7 @@ fn plan_frame<'a>(
 }
 
 /// The medium's fields on the device.
-fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
+pub(super) fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> MediumFields {
     let medium = &scene.medium;
     let lattice = medium.lattice();
     let dims = lattice.dims().to_array();
@@ -256,7 +275,7 @@ struct Seen {
 }
 
 /// Floor of r² in 1/r², m².
-fn light_floor(scene: &Scene) -> f32 {
+pub(super) fn light_floor(scene: &Scene) -> f32 {
     (LIGHT_FLOOR * scene.medium.voxel()).powi(2) as f32
 }
 
@@ -266,7 +285,7 @@ fn occupancy_cells(medium: &MediumFields) -> [u32; 4] {
 }
 
 /// Space without density or emission is stepped over.
-fn plan_occupancy(medium: &MediumFields, plan: &mut Plan<'_>) -> Occupancy {
+pub(super) fn plan_occupancy(medium: &MediumFields, plan: &mut Plan<'_>) -> Occupancy {
     let cells = occupancy_cells(medium);
     let side = OCCUPANCY as f32;
     let count = cells[..3].iter().fold(1, |n: u64, &c| n.saturating_mul(c.into()));
@@ -281,7 +300,11 @@ fn plan_occupancy(medium: &MediumFields, plan: &mut Plan<'_>) -> Occupancy {
 }
 
 /// What stands behind the medium and its surfaces.
-fn plan_background<'a>(scene: &'a Scene, surface: Option<Surface<'a>>, plan: &mut Plan<'a>) -> Option<Buf<[f32; 4]>> {
+pub(super) fn plan_background<'a>(
+    scene: &'a Scene,
+    surface: Option<Surface<'a>>,
+    plan: &mut Plan<'a>,
+) -> Option<Buf<[f32; 4]>> {
     let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
     if let Some(Surface { content, fill }) = surface {
         return Some(plan.external("background", pixels, &content, fill));
@@ -365,7 +388,12 @@ fn plan_march<'a>(
         tables.extend((0..camera.samples).map(|s| blue_noise::offset(s.into())));
         tables.extend(blue_noise::tile());
     }
-    let environment = behind.sky.map(|sky| upload_sky(sky, &mut params, plan));
+    let environment = behind.sky.map(|sky| {
+        let sky = upload_sky(sky, plan);
+        [params.environment_width, params.environment_height] = sky.size;
+        (params.environment, params.environment_dims) = (sky.tint, sky.dims);
+        sky.field
+    });
     let pixels = u64::from(params.width) * u64::from(params.height);
     (params.sample_end, params.step_end) = (params.samples, March::ALL_STEPS);
     params.surface_samples = behind.seen.as_ref().map_or(1, |seen| seen.samples);
@@ -406,22 +434,32 @@ fn plan_march<'a>(
     film
 }
 
-/// The environment as it is seen behind the medium.
-fn upload_sky<'a>(environment: &'a Environment, params: &mut MarchParams, plan: &mut Plan<'a>) -> Field {
+/// An environment on the device, and what kernels are told of it.
+pub(super) struct SkyField {
+    pub(super) field: Field,
+    /// Texels of the field along x, y, z; unused.
+    pub(super) dims: [u32; 4],
+    /// Columns and rows.
+    pub(super) size: [u32; 2],
+    /// Multiplies the radiance, RGB; rotation in turns.
+    pub(super) tint: [f32; 4],
+}
+
+/// The environment as it is seen.
+pub(super) fn upload_sky<'a>(environment: &'a Environment, plan: &mut Plan<'a>) -> SkyField {
     let image = environment.image();
-    (params.environment_width, params.environment_height) = (image.width, image.height);
     let turns = (environment.rotation / 360.0).rem_euclid(1.0) as f32;
-    params.environment = environment.scale.extend(turns).to_array();
+    let tint = environment.scale.extend(turns).to_array();
     let texels = &image.texels;
     let dims = fold(texels.len() as u64, SKY_SIDE.min(plan.field_side()));
-    params.environment_dims = [dims[0], dims[1], dims[2], 0];
     let spec = FieldSpec { dims, layers: 1, format: FieldFormat::Rgba };
-    plan.upload_field("environment", spec, &environment.version(), |k, out| {
+    let field = plan.upload_field("environment", spec, &environment.version(), |k, out| {
         let first = k as usize * (out.len() / 4);
         for (place, to) in out.chunks_exact_mut(4).enumerate() {
             // Past the last texel lies what is never looked up.
             let [r, g, b] = texels.get(first + place).copied().unwrap_or_default();
             to.copy_from_slice(&[r, g, b, 0.0]);
         }
-    })
+    });
+    SkyField { field, dims: [dims[0], dims[1], dims[2], 0], size: [image.width, image.height], tint }
 }

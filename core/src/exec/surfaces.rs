@@ -14,7 +14,7 @@ use crate::stage::{
 
 /// A mesh on the device.
 pub(super) struct MeshBuffers {
-    records: Buf<MeshRecord>,
+    pub(super) records: Buf<MeshRecord>,
     materials: Buf<MaterialRecord>,
     /// Number of boxes.
     pub(super) nodes: u32,
@@ -79,7 +79,9 @@ pub(super) fn upload_mesh<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Option<M
 
 /// The scene's lights, relative to the eye, where an estimator takes them and the medium scatters or surfaces are lit.
 pub(super) fn upload_lights<'a>(scene: &'a Scene, surfaces: bool, plan: &mut Plan<'a>) -> Option<Buf<LightRecord>> {
-    let taken = scene.estimate.lights.is_some() && (surfaces || scene.optics.albedo != Vec3::ZERO);
+    let estimate = &scene.estimate;
+    let taken =
+        (estimate.lights.is_some() || estimate.all.is_some()) && (surfaces || scene.optics.albedo != Vec3::ZERO);
     (taken && !scene.lights.is_empty())
         .then(|| plan.table("lights", LightRecord::of(&scene.lights, scene.camera.origin)))
 }

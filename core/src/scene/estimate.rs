@@ -5,13 +5,15 @@ use std::sync::OnceLock;
 use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, Window, gram_error, healpix};
 use crate::media::Phase;
 
-/// One estimator for each source of first-order light; without one, that light is left out.
+/// One estimator for each source of first-order light; without one, that light is left out. Or one for all light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// How light from the environment (and from the medium's own emission) is in-scattered.
     pub environment: Option<EnvironmentEstimate>,
     /// How light from analytic lights is in-scattered.
     pub lights: Option<LightsEstimate>,
+    /// What brings all light and all orders by itself, in place of the others, which are none then.
+    pub all: Option<AllEstimate>,
 }
 
 impl Default for Estimate {
@@ -19,7 +21,54 @@ impl Default for Estimate {
         Self {
             environment: Some(EnvironmentEstimate::Records(Records::default())),
             lights: Some(LightsEstimate::Opacity(Opacity::default())),
+            all: None,
         }
+    }
+}
+
+/// Estimators of all light.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AllEstimate {
+    /// Unbiased path tracing.
+    Path(Path),
+}
+
+/// Options of `path`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Path {
+    /// Paths a pixel, at the most.
+    pub samples: u32,
+    /// Scatterings of a path, those of surfaces included, at the most: 1 is single scattering. None for all.
+    pub max_depth: Option<u32>,
+    /// Seconds after which no more samples are begun.
+    pub time_limit: Option<f64>,
+    /// Remaining noise, as relative L2 over the picture, at which no more samples are begun.
+    pub noise: Option<f32>,
+}
+
+impl Default for Path {
+    fn default() -> Self {
+        Self { samples: 256, max_depth: None, time_limit: None, noise: None }
+    }
+}
+
+impl Path {
+    /// The most samples: sums of more would lose their last bits in f32.
+    pub const MAX_SAMPLES: u32 = 1 << 20;
+
+    fn validate(&self) -> Result<(), EstimateError> {
+        range("samples", self.samples, Self::MAX_SAMPLES)?;
+        if let Some(depth) = self.max_depth {
+            range("max_depth", depth, u32::MAX)?;
+        }
+        let above = |key, value: Option<f64>| match value {
+            Some(v) if !(v.is_finite() && v > 0.0) => {
+                Err(EstimateError::Conflict(format!("{key} = {v}; it must be a finite number above 0")))
+            }
+            _ => Ok(()),
+        };
+        above("time_limit", self.time_limit)?;
+        above("noise", self.noise.map(f64::from))
     }
 }
 
@@ -312,6 +361,14 @@ impl Estimate {
     /// # Errors
     /// The first option that is out of range or does not fit.
     pub fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
+        if let Some(AllEstimate::Path(path)) = &self.all {
+            if self.environment.is_some() || self.lights.is_some() {
+                return Err(EstimateError::Conflict(
+                    "`path` brings all light, and no other estimator beside it".into(),
+                ));
+            }
+            path.validate()?;
+        }
         match &self.environment {
             Some(EnvironmentEstimate::Records(records)) => {
                 records.validate(phase)?;

@@ -18,8 +18,8 @@ use glam::DVec3;
 pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
-    LightsEstimate, Opacity, Records, Scheme, Shadow, SurfaceShadow,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
+    LightsEstimate, Opacity, Path, Records, Scheme, Shadow, SurfaceShadow,
 };
 pub use film::Film;
 pub use hierarchy::Hierarchy;
@@ -122,6 +122,15 @@ impl Scene {
             return Err(SceneError::Eye(self.camera.origin));
         }
         self.quality.validate(self.medium.as_ref(), self.camera.samples)?;
+        if self.estimate.all.is_some() && self.quality.marches_apart() {
+            let (key, what) = match self.quality.temporal {
+                true => ("temporal", "pictures of a sequence are accumulated by the march, which `path` does without"),
+                false => {
+                    ("scale", "a small picture is made full by the march, which `path` does without; take a scale of 1")
+                }
+            };
+            return Err(SceneError::Quality { key, what: what.into() });
+        }
         self.estimate.validate(&self.optics.phase)?;
         if let (Some(EnvironmentEstimate::Records(records)), Some(environment)) =
             (&self.estimate.environment, &self.environment)

@@ -2,7 +2,9 @@
 
 use bytemuck::Zeroable;
 
-use super::{Accumulate, Inject, March, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace, Upsample};
+use super::{
+    Accumulate, Inject, March, Path, Project, Propagate, Reduce, Relight, Shade, Shadow, Stage, Trace, Upsample,
+};
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
 /// One stage of every kind in the order of [`Stage::NAMES`], with all that it may be given or with as little as it
@@ -104,6 +106,22 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             last: buf(1),
             next: buf(2),
             mean: buf(3),
+        }),
+        Stage::Path(Path {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            emission: full.then(|| scalar(2)),
+            emission_color: full.then(|| field(3, FieldFormat::Rgba)),
+            environment: full.then(|| field(4, FieldFormat::Rgba)),
+            majorant: buf(5),
+            lights: full.then(|| buf(6)),
+            tables: buf(7),
+            mesh: full.then(|| buf(8)),
+            background: full.then(|| buf(9)),
+            sums: buf(10),
+            paths: buf(11),
+            film: buf(12),
         }),
     ]
 }

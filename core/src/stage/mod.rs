@@ -9,6 +9,7 @@ mod examples;
 mod grid;
 mod inject;
 mod march;
+mod path;
 mod project;
 pub mod propagate;
 mod reduce;
@@ -23,6 +24,7 @@ pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
 pub use inject::{BlobRecord, Inject, InjectParams, inject_kind};
 pub use march::{LightRecord, March, MarchParams, shadow_kind};
+pub use path::{Path, PathParams, PathRecord, path_mode};
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
 pub use reduce::{Reduce, ReduceParams};
@@ -103,6 +105,8 @@ pub enum Stage {
     Upsample(Upsample),
     /// The mean of the medium over the pictures of a sequence.
     Accumulate(Accumulate),
+    /// Unbiased paths of light through everything.
+    Path(Path),
 }
 
 macro_rules! each {
@@ -119,6 +123,7 @@ macro_rules! each {
             Stage::Shadow($stage) => $value,
             Stage::Upsample($stage) => $value,
             Stage::Accumulate($stage) => $value,
+            Stage::Path($stage) => $value,
         }
     };
 }
@@ -129,7 +134,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 11] = [
+    pub const NAMES: [&'static str; 12] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -141,6 +146,7 @@ impl Stage {
         Shadow::NAME,
         Upsample::NAME,
         Accumulate::NAME,
+        Path::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -193,6 +199,7 @@ impl Stage {
             Self::Shadow(stage) => stage.passes(turns)?.into_iter().map(Self::Shadow).collect(),
             Self::Upsample(stage) => stage.passes(turns)?.into_iter().map(Self::Upsample).collect(),
             Self::Accumulate(stage) => stage.passes(turns)?.into_iter().map(Self::Accumulate).collect(),
+            Self::Path(stage) => stage.passes(turns)?.into_iter().map(Self::Path).collect(),
         })
     }
 

@@ -2,8 +2,8 @@
 
 use airlight_core::basis::Window;
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter, LightsEstimate,
-    Opacity, Quality, Records, Scheme, Shadow, SurfaceShadow,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
+    LightsEstimate, Opacity, Path, Quality, Records, Scheme, Shadow, SurfaceShadow,
 };
 
 use super::error::Fault;
@@ -49,6 +49,9 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
             }
         }
         let (kind, options) = all.kinds(None, &[PATH, TRANSFER])?;
+        if kind == "path" {
+            return Ok(Estimate { environment: None, lights: None, all: Some(AllEstimate::Path(path(&options)?)) });
+        }
         return Err(unbuilt(&all, kind, &options, "leave estimate.all out; environment and lights have estimators")?);
     }
     if let Some(field) = table.get("environment") {
@@ -68,16 +71,15 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
 
 /// The error for an estimator that is not built; its options are checked first.
 fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
-    let positive = Shape::POSITIVE;
     let shapes: &[(&str, Shape)] = match kind {
         "sweeps" => &[
             ("cells", Shape::Whole(1, 4096)),
             ("bands", Shape::Whole(1, Records::MAX_BANDS)),
             ("directions", Shape::Whole(12, 12 * Records::MAX_NSIDE * Records::MAX_NSIDE)),
             ("orders", Shape::WholeOr(1, 100_000, "converged")),
-            ("tolerance", positive),
+            ("tolerance", Shape::POSITIVE),
         ],
-        "transfer" => &[
+        _ => &[
             ("file", Shape::Text),
             ("cells", Shape::Whole(1, 4096)),
             ("basis", Shape::OneOf(&["dsf", "sh", "srbf"])),
@@ -89,17 +91,24 @@ fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str
             ("clusters", Shape::Whole(1, 1_000_000)),
             ("components", Shape::Whole(1, 1000)),
         ],
-        _ => &[
-            ("samples", Shape::Whole(1, u32::MAX)),
-            ("max_depth", Shape::Whole(1, u32::MAX)),
-            ("time_limit", positive),
-            ("noise", positive),
-        ],
     };
     pending::check(options, shapes)?;
     Ok(match options.get("kind") {
         Some(kind) => kind.pending(instead),
         None => field.pending(instead),
+    })
+}
+
+fn path(options: &Table<'_>) -> Result<Path, Fault> {
+    let default = Path::default();
+    let positive = |f: Field<'_>| f.number_where("above 0", |v| v > 0.0);
+    Ok(Path {
+        samples: options.or("samples", default.samples, |f| f.whole(1..=Path::MAX_SAMPLES))?,
+        max_depth: options.or("max_depth", None, |f| f.whole(1..=u32::MAX).map(Some))?,
+        time_limit: options.or("time_limit", None, |f| positive(f).map(Some))?,
+        noise: options.or("noise", None, |f| {
+            f.number_where("above 0 and at most 1", |v| v > 0.0 && v <= 1.0).map(|v| Some(v as f32))
+        })?,
     })
 }
 

@@ -6,8 +6,8 @@ use airlight_core::basis::Window;
 use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter, LightsEstimate,
-    Opacity, Quality, Records, Scheme, Shadow, SurfaceShadow,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
+    LightsEstimate, Opacity, Path as Paths, Quality, Records, Scheme, Shadow, SurfaceShadow,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -308,6 +308,14 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(estimate("environment = false"), Estimate { environment: None, ..Estimate::default() });
     assert_eq!(estimate("environment = { kind = \"none\" }\nscattering = \"none\"").environment, None);
     assert_eq!(estimate("environment = \"records\"\nlights = { }\nall = \"none\""), Estimate::default());
+    let all = |text: &str| estimate(&format!("all = {text}")).all;
+    let path = |path| Some(AllEstimate::Path(path));
+    assert_eq!(all("\"path\""), path(Paths::default()));
+    let options = "samples = 8, max_depth = 3, time_limit = 1.5, noise = 0.25";
+    let some = Paths { samples: 8, max_depth: Some(3), time_limit: Some(1.5), noise: Some(0.25) };
+    assert_eq!(all(&format!("{{ kind = \"path\", {options} }}")), path(some));
+    let alone = estimate("all = \"path\"");
+    assert_eq!((alone.environment, alone.lights), (None, None));
     let lights = |text: &str| estimate(&format!("lights = {text}")).lights;
     let opacity = |cells, scheme| Some(LightsEstimate::Opacity(Opacity { cells, scheme, ..Opacity::default() }));
     assert_eq!(lights("\"opacity\""), opacity(64, Scheme::ShortCharacteristics));

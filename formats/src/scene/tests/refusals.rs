@@ -144,8 +144,12 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:25: estimate.scattering.orders = \"many\"; it must be \"converged\" or a whole number from 1 to 100000",
         ),
         (
-            "[estimate]\nall = { kind = \"path\", samples = 256, max_depth = 64 }",
-            "8:16: estimate.all.kind = \"path\" is not built yet; leave estimate.all out; environment and lights have estimators",
+            "[estimate]\nall = { kind = \"path\", samples = 0 }",
+            "8:34: estimate.all.samples = 0; it must be a whole number from 1 to 1048576",
+        ),
+        (
+            "[estimate]\nall = { kind = \"path\", noise = 2 }",
+            "8:32: estimate.all.noise = 2; it must be above 0 and at most 1",
         ),
         (
             "[estimate]\nall = \"transfer\"",

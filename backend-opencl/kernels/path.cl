@@ -1,0 +1,577 @@
+// `path`: unbiased paths of light through everything. One work-item a pixel.
+
+// A path on its way, as PathRecord keeps it.
+typedef struct {
+    uint mode;
+    float3 place;
+    float3 direction;
+    float3 next;
+    float density;
+    float3 weight;
+    float total;
+    float3 light;
+    float chosen;
+    float3 pending;
+    float stopped;
+    float3 ratio;
+    float stopped_at;
+    float3 through;
+    float surface;
+    uint depth;
+    uint triangle;
+} Way;
+
+// Where a path scatters: within the medium, or on a surface with its normals and material.
+typedef struct {
+    bool surface;
+    float3 normal;
+    float3 facet;
+    float3 diffuse;
+    float3 specular;
+    float exponent;
+} Spot;
+
+Way resume(const PathRecord *record);
+PathRecord keep(const Way *way, const Walk *on, const Draws *numbers);
+Way begin(const Bound *bound, uint pixel, Draws *numbers);
+void meet(const Bound *bound, Way *way);
+float3 from_mesh(const Bound *bound, float3 place);
+float4 behind(const Bound *bound, uint pixel);
+float limit(const Bound *bound, const Way *way, uint pixel);
+void depart(const Bound *bound, Way *way);
+bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers);
+float3 extinction(const Bound *bound, float3 at, float rate);
+float3 scattering(const Bound *bound, float3 at, float3 stops, float rate);
+float3 emission(const Bound *bound, float3 at, float rate);
+float3 faint(float3 ratio, Draws *numbers);
+void offer(Way *way, float3 weights, float t, Draws *numbers);
+bool arrive(const Bound *bound, uint pixel, Way *way, Draws *numbers);
+float3 surroundings(const Bound *bound, float3 d);
+float share_of_scattering(const Bound *bound, float3 d, float density);
+float sky_density(const Bound *bound, float3 d);
+float chance(const Bound *bound, uint item);
+float3 toward_sky(const Bound *bound, Draws *numbers);
+void scatter(const Bound *bound, Way *way, Walk *on, Draws *numbers);
+Spot spot(const Bound *bound, const Way *way);
+float3 scattered(const Bound *bound, const Spot *at, float3 origin, float3 toward);
+float dull(const Spot *at);
+float scattered_density(const Bound *bound, const Spot *at, float3 origin, float3 toward);
+bool look(const Bound *bound, Way *way, const Spot *at, Draws *numbers);
+void onward(const Bound *bound, Way *way, const Spot *at, float3 origin, Draws *numbers);
+
+float phase_value(const Bound *bound, uint i) {
+    return bound->tables[bound->params->phase_at + i];
+}
+
+uint phase_size(const Bound *bound) {
+    return bound->params->phase_size;
+}
+
+// The turns of a pixel.
+void run_path(const Bound *bound) {
+    size_t n = number();
+    if (n >= bound->launch->count) {
+        return;
+    }
+    uint pixel = bound->launch->start + (uint)n;
+    __global float4 *sums = bound->sums + 3u * (size_t)pixel;
+    float4 light = (float4)(0.0f);
+    float4 seen = (float4)(0.0f);
+    float4 stop = (float4)(0.0f);
+    PathRecord record;
+    record.place = record.way = record.next = record.weight = (float4)(0.0f);
+    record.light = record.pending = record.ratio = record.through = (float4)(0.0f);
+    record.cell = record.count = (uint4)(0u);
+    if (bound->params->fresh != 1u) {
+        light = sums[0];
+        seen = sums[1];
+        stop = sums[2];
+        record = bound->paths[pixel];
+    }
+    uint frame = bound->params->frame;
+    Way way = resume(&record);
+    Walk on = kept(bound, &record);
+    Draws numbers = draws(pixel, convert_uint(light.w), frame, record.count.y);
+    for (uint turns = 0u; turns < bound->params->turns; turns++) {
+        if (way.mode == PATH_IDLE) {
+            if (light.w >= convert_float(bound->params->samples)) {
+                break;
+            }
+            numbers = draws(pixel, convert_uint(light.w), frame, 0u);
+            way = begin(bound, pixel, &numbers);
+            on = walk(bound, way.place, way.direction, limit(bound, &way, pixel));
+        } else if (way.mode == PATH_DEPART) {
+            depart(bound, &way);
+            on = walk(bound, way.place, way.direction, way.surface);
+        } else if (turn(bound, pixel, &way, &on, &numbers)) {
+            scatter(bound, &way, &on, &numbers);
+        }
+        if (way.mode == PATH_IDLE) {
+            float mean = (way.light.x + way.light.y + way.light.z) * (1.0f / 3.0f);
+            light += (float4)(way.light, 1.0f);
+            seen += (float4)(way.through, mean * mean);
+            stop += (float4)(way.stopped, way.stopped_at, 0.0f, 0.0f);
+        }
+    }
+    sums[0] = light;
+    sums[1] = seen;
+    sums[2] = stop;
+    bound->paths[pixel] = keep(&way, &on, &numbers);
+    float share = 1.0f / max(light.w, 1.0f);
+    float3 transmitted = seen.xyz * share;
+    float stops = 1.0f - (transmitted.x + transmitted.y + transmitted.z) * (1.0f / 3.0f);
+    float depth = stop.x > 0.0f ? stop.y / stop.x : INFINITY;
+    bound->film[2u * (size_t)pixel] = (float4)(light.xyz * share, light.w > 0.0f ? stops : 0.0f);
+    bound->film[2u * (size_t)pixel + 1u] = (float4)(transmitted, depth);
+}
+
+// The path that a record keeps.
+Way resume(const PathRecord *record) {
+    Way way;
+    way.mode = record->count.x;
+    way.place = record->place.xyz;
+    way.direction = record->way.xyz;
+    way.next = record->next.xyz;
+    way.density = record->next.w;
+    way.weight = record->weight.xyz;
+    way.total = record->weight.w;
+    way.light = record->light.xyz;
+    way.chosen = record->light.w;
+    way.pending = record->pending.xyz;
+    way.stopped = record->pending.w;
+    way.ratio = record->ratio.xyz;
+    way.stopped_at = record->ratio.w;
+    way.through = record->through.xyz;
+    way.surface = record->through.w;
+    way.depth = record->count.z;
+    way.triangle = record->count.w;
+    return way;
+}
+
+// What a record keeps of a path.
+PathRecord keep(const Way *way, const Walk *on, const Draws *numbers) {
+    PathRecord record;
+    record.place = (float4)(way->place, on->t);
+    record.way = (float4)(way->direction, on->far);
+    record.next = (float4)(way->next, way->density);
+    record.weight = (float4)(way->weight, way->total);
+    record.light = (float4)(way->light, way->chosen);
+    record.pending = (float4)(way->pending, way->stopped);
+    record.ratio = (float4)(way->ratio, way->stopped_at);
+    record.through = (float4)(way->through, way->surface);
+    record.cell = (uint4)(as_uint3(on->cell), on->over ? 1u : 0u);
+    record.count = (uint4)(way->mode, numbers->next, way->depth, way->triangle);
+    return record;
+}
+
+// A path at the eye.
+Way begin(const Bound *bound, uint pixel, Draws *numbers) {
+    uint width = bound->params->width;
+    float x = convert_float(pixel % width) + draw(numbers);
+    float y = convert_float(pixel / width) + draw(numbers);
+    float a = x * (2.0f / convert_float(width)) - 1.0f;
+    float b = 1.0f - y * (2.0f / convert_float(bound->params->height));
+    float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
+    Way way;
+    way.mode = PATH_VIEW;
+    way.place = way.next = way.weight = way.light = way.pending = (float3)(0.0f);
+    way.direction = toward / sqrt(dot(toward, toward));
+    way.ratio = way.through = (float3)(1.0f);
+    way.density = way.total = way.chosen = way.stopped = way.stopped_at = 0.0f;
+    way.depth = way.triangle = 0u;
+    meet(bound, &way);
+    return way;
+}
+
+// Where the ray meets a surface.
+void meet(const Bound *bound, Way *way) {
+    way->surface = FAR;
+    if (!has_mesh) {
+        return;
+    }
+    Line of = line(from_mesh(bound, way->place), way->direction);
+    Hit hit = nearest(bound, &of, 0.0f, FAR, 0u, bound->params->nodes);
+    if (hit.distance < FAR) {
+        way->surface = hit.distance;
+        way->triangle = hit.triangle;
+    }
+}
+
+// A place from the mesh's origin.
+float3 from_mesh(const Bound *bound, float3 place) {
+    return bound->params->mesh_eye.xyz + place;
+}
+
+// What stands behind a pixel; nothing without a background.
+float4 behind(const Bound *bound, uint pixel) {
+    if (has_background) {
+        return bound->background[pixel];
+    }
+    return (float4)(0.0f, 0.0f, 0.0f, FAR);
+}
+
+// Where the eye's ray ends.
+float limit(const Bound *bound, const Way *way, uint pixel) {
+    return fmin(way->surface, behind(bound, pixel).w);
+}
+
+// On its way along the next direction.
+void depart(const Bound *bound, Way *way) {
+    way->direction = way->next;
+    way->mode = PATH_FLIGHT;
+    meet(bound, way);
+}
+
+// A turn of a walk. Whether the path scatters where it now is.
+bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers) {
+    if (on->over) {
+        return arrive(bound, pixel, way, numbers);
+    }
+    float rate = advance(bound, on, numbers);
+    if (rate == 0.0f) {
+        return false;
+    }
+    float3 at = stands(on);
+    float3 stops = extinction(bound, at, rate);
+    if (way->mode == PATH_SHADOW) {
+        way->ratio = faint(way->ratio * (1.0f - stops), numbers);
+        on->over = all(way->ratio == (float3)(0.0f));
+        return false;
+    }
+    float3 scatters = scattering(bound, at, stops, rate);
+    float3 shines = emission(bound, at, rate);
+    if (way->mode == PATH_VIEW) {
+        way->light += way->ratio * shines;
+        float stopped = dot(way->ratio, stops);
+        way->stopped += stopped;
+        way->stopped_at += stopped * on->t;
+        offer(way, way->ratio * scatters, on->t, numbers);
+        way->ratio = faint(way->ratio * (1.0f - stops), numbers);
+        on->over = all(way->ratio == (float3)(0.0f));
+        return false;
+    }
+    way->light += way->weight * shines;
+    float whole = way->weight.x + way->weight.y + way->weight.z;
+    float real = dot(way->weight, stops) / whole;
+    if (draw(numbers) >= real) {
+        way->weight = way->weight * (1.0f - stops) / (1.0f - real);
+        return false;
+    }
+    way->weight = way->weight * scatters / real;
+    way->place += on->t * way->direction;
+    if (all(way->weight == (float3)(0.0f)) || way->depth >= bound->params->max_depth) {
+        way->mode = PATH_IDLE;
+        return false;
+    }
+    way->surface = FAR;
+    return true;
+}
+
+// Extinction over the rate, at most 1: lookups are good to a rounding.
+float3 extinction(const Bound *bound, float3 at, float rate) {
+    float density = sample_density(bound, at, convert_int3(bound->params->dims.xyz), 0);
+    return min(density / rate * bound->params->extinction.xyz, (float3)(1.0f));
+}
+
+// Scattering over the rate.
+float3 scattering(const Bound *bound, float3 at, float3 stops, float rate) {
+    float3 albedo = bound->params->albedo.xyz;
+    if (has_scattering) {
+        float3 density = sample_scattering(bound, at, convert_int3(bound->params->dims.xyz), 0).xyz;
+        return density / rate * bound->params->extinction.xyz * albedo;
+    }
+    return stops * albedo;
+}
+
+// Emission over the rate.
+float3 emission(const Bound *bound, float3 at, float rate) {
+    float3 e = bound->params->emission.xyz;
+    if (e.x + e.y + e.z == 0.0f) {
+        return (float3)(0.0f);
+    }
+    int3 size = convert_int3(bound->params->dims.xyz);
+    float3 source;
+    if (has_emission_color) {
+        source = sample_emission_color(bound, at, size, 0).xyz;
+    } else if (has_emission_density) {
+        source = (float3)(sample_emission_density(bound, at, size, 0));
+    } else {
+        source = (float3)(sample_density(bound, at, size, 0));
+    }
+    return source / rate * e;
+}
+
+// T, or nothing by the chance that makes up for it where T is faint.
+float3 faint(float3 ratio, Draws *numbers) {
+    float most = max(max(ratio.x, ratio.y), ratio.z);
+    if (most >= PATH_FAINT) {
+        return ratio;
+    }
+    if (draw(numbers) * PATH_FAINT < most) {
+        return ratio * (PATH_FAINT / most);
+    }
+    return (float3)(0.0f);
+}
+
+// A place on the eye's ray to scatter at, `t` metres along, with its weights.
+void offer(Way *way, float3 weights, float t, Draws *numbers) {
+    float weight = weights.x + weights.y + weights.z;
+    if (weight > 0.0f) {
+        way->total += weight;
+        if (draw(numbers) * way->total < weight) {
+            way->weight = weights / weight;
+            way->chosen = t;
+        }
+    }
+}
+
+// The end of a walk. Whether the path scatters where it now is.
+bool arrive(const Bound *bound, uint pixel, Way *way, Draws *numbers) {
+    if (way->mode == PATH_SHADOW) {
+        way->light += way->pending * way->ratio;
+        way->mode = all(way->weight == (float3)(0.0f)) ? PATH_IDLE : PATH_DEPART;
+        return false;
+    }
+    if (way->mode == PATH_VIEW) {
+        way->through = way->ratio;
+        float4 back = behind(bound, pixel);
+        if (way->surface < fmin(back.w, FAR)) {
+            offer(way, way->ratio, -1.0f, numbers);
+        } else if (back.w < FAR) {
+            way->light += way->ratio * back.xyz;
+        } else if (bound->params->visible == 1u) {
+            way->light += way->ratio * surroundings(bound, way->direction);
+        }
+        if (way->total == 0.0f) {
+            way->mode = PATH_IDLE;
+            return false;
+        }
+        way->weight *= way->total;
+        float t = way->chosen;
+        if (t >= 0.0f) {
+            way->surface = FAR;
+        } else {
+            t = way->surface;
+        }
+        way->place += t * way->direction;
+        return true;
+    }
+    if (way->surface < FAR && way->depth < bound->params->max_depth) {
+        way->place += way->surface * way->direction;
+        return true;
+    }
+    way->mode = PATH_IDLE;
+    if (way->surface == FAR) {
+        float3 d = way->direction;
+        way->light += way->weight * surroundings(bound, d) * share_of_scattering(bound, d, way->density);
+    }
+    return false;
+}
+
+// The environment's radiance; none without one.
+float3 surroundings(const Bound *bound, float3 d) {
+    if (has_environment) {
+        return sky(bound, d);
+    }
+    return (float3)(0.0f);
+}
+
+// The share of scattering, of that density, in what is seen of the environment along `d` (balance heuristic).
+float share_of_scattering(const Bound *bound, float3 d, float density) {
+    if (!has_environment) {
+        return 1.0f;
+    }
+    return density / (density + sky_density(bound, d));
+}
+
+// The probability that the environment is chosen and drawn along `d`, per steradian.
+float sky_density(const Bound *bound, float3 d) {
+    uint columns = bound->params->sky_columns;
+    uint rows = bound->params->sky_rows;
+    float u = angle(d.x, -d.z) / (2.0f * PI) + bound->params->environment.w;
+    uint column = convert_uint((u - floor(u)) * convert_float(columns));
+    uint row = convert_uint(angle_of_cosine(d.y) / PI * convert_float(rows));
+    uint cell = min(row, rows - 1u) * columns + min(column, columns - 1u);
+    return bound->tables[bound->params->sky_at + CHOICE * cell + 2u] * chance(bound, bound->params->lights);
+}
+
+// The probability that a light, or behind them all the environment, is chosen.
+float chance(const Bound *bound, uint item) {
+    return bound->tables[bound->params->choices_at + CHOICE * item + 2u];
+}
+
+// A direction toward the environment.
+float3 toward_sky(const Bound *bound, Draws *numbers) {
+    uint columns = bound->params->sky_columns;
+    uint cell = choose(bound, bound->params->sky_at, columns * bound->params->sky_rows, numbers);
+    float u = (convert_float(cell % columns) + draw(numbers)) / convert_float(columns) - bound->params->environment.w;
+    __global const float *edges = bound->tables + bound->params->edges_at + cell / columns;
+    float y = edges[0] + (edges[1] - edges[0]) * draw(numbers);
+    float2 p = circle(u - floor(u));
+    float planar = sqrt(max(1.0f - y * y, 0.0f));
+    return (float3)(planar * p.y, y, -planar * p.x);
+}
+
+// Looks at a light, and draws where the path goes on.
+void scatter(const Bound *bound, Way *way, Walk *on, Draws *numbers) {
+    way->depth += 1u;
+    Spot at = spot(bound, way);
+    float3 origin = way->direction;
+    float margin = MESH_MARGIN * bound->params->mesh_eye.w;
+    way->place += margin * at.facet;
+    bool looks = look(bound, way, &at, numbers);
+    onward(bound, way, &at, origin, numbers);
+    if (looks) {
+        // The walk toward the light begins here; what comes after it is kept.
+        *on = walk(bound, way->place, way->direction, way->surface);
+        way->mode = PATH_SHADOW;
+    }
+}
+
+// What the path scatters at.
+Spot spot(const Bound *bound, const Way *way) {
+    Spot at;
+    at.surface = false;
+    at.normal = at.facet = at.diffuse = at.specular = (float3)(0.0f);
+    at.exponent = 0.0f;
+    if (!has_mesh || way->surface >= FAR) {
+        return at;
+    }
+    uint first = 2u * bound->params->nodes + 6u * way->triangle;
+    float3 a = place(bound, first);
+    float3 b = place(bound, first + 1u);
+    float3 c = place(bound, first + 2u);
+    float3 across = cross(b - a, c - a);
+    float3 own = across / max(sqrt(dot(across, across)), 1.2e-38f);
+    at.facet = dot(own, way->direction) > 0.0f ? -own : own;
+    float3 p = from_mesh(bound, way->place);
+    // Shares of the corners: twice the areas across from them.
+    float x = dot(cross(b - p, c - p), own);
+    float y = dot(cross(c - p, a - p), own);
+    float z = dot(cross(a - p, b - p), own);
+    float3 normal = x * place(bound, first + 3u) + y * place(bound, first + 4u) + z * place(bound, first + 5u);
+    float size = sqrt(dot(normal, normal));
+    normal = size > 0.0f ? normal / size : at.facet;
+    at.normal = dot(normal, at.facet) < 0.0f ? -normal : normal;
+    uint material = bound->params->materials_at + 8u * bound->mesh[first + 3u].number;
+    __global const float *of = bound->tables + material;
+    at.surface = true;
+    at.diffuse = (float3)(of[0], of[1], of[2]);
+    at.specular = (float3)(of[4], of[5], of[6]);
+    at.exponent = of[3];
+    return at;
+}
+
+// The share of light from `toward` that is scattered back along `origin`, per steradian: on a surface times the cosine.
+float3 scattered(const Bound *bound, const Spot *at, float3 origin, float3 toward) {
+    if (!at->surface) {
+        return (float3)(phase(bound, dot(toward, origin)));
+    }
+    float facing = dot(at->normal, toward);
+    if (facing <= 0.0f || dot(at->facet, toward) <= 0.0f) {
+        return (float3)(0.0f);
+    }
+    float cosine = dot(origin, toward - 2.0f * facing * at->normal);
+    float gloss = 0.0f;
+    if (cosine > 0.0f) {
+        gloss = (at->exponent + 2.0f) / (2.0f * PI) * pow(min(cosine, 1.0f), at->exponent);
+    }
+    return facing * (at->diffuse / PI + gloss * at->specular);
+}
+
+// The part of a surface's directions that are drawn from its diffuse term.
+float dull(const Spot *at) {
+    float diffuse = at->diffuse.x + at->diffuse.y + at->diffuse.z;
+    float specular = at->specular.x + at->specular.y + at->specular.z;
+    return specular > 0.0f ? diffuse / (diffuse + specular) : 1.0f;
+}
+
+// The probability that a path from `origin` goes on toward `toward`, per steradian.
+float scattered_density(const Bound *bound, const Spot *at, float3 origin, float3 toward) {
+    if (!at->surface) {
+        return bend_density(bound, dot(toward, origin));
+    }
+    float facing = dot(at->normal, toward);
+    float cosine = dot(origin, toward - 2.0f * facing * at->normal);
+    float gloss = 0.0f;
+    if (cosine > 0.0f) {
+        gloss = (at->exponent + 1.0f) / (2.0f * PI) * pow(min(cosine, 1.0f), at->exponent);
+    }
+    float part = dull(at);
+    return part * max(facing, 0.0f) / PI + (1.0f - part) * gloss;
+}
+
+// Chooses a light and what comes from it but for the medium; whether anything does. The ray is then toward the light.
+bool look(const Bound *bound, Way *way, const Spot *at, Draws *numbers) {
+    if (bound->params->choices == 0u) {
+        return false;
+    }
+    uint item = choose(bound, bound->params->choices_at, bound->params->choices, numbers);
+    float3 origin = way->direction;
+    float3 toward;
+    float3 arriving = (float3)(0.0f);
+    float reach = FAR;
+    if (item < bound->params->lights) {
+        Incident light = incident(bound, item, way->place, 1.0f);
+        toward = light.toward;
+        reach = min(light.distance, FAR);
+        arriving = light.falloff / chance(bound, item) * bound->lights[item].power.xyz;
+    } else {
+        toward = toward_sky(bound, numbers);
+        float density = sky_density(bound, toward) + scattered_density(bound, at, origin, toward);
+        if (density > 0.0f) {
+            arriving = surroundings(bound, toward) / density;
+        }
+    }
+    way->pending = way->weight * scattered(bound, at, origin, toward) * arriving;
+    if (all(way->pending == (float3)(0.0f))) {
+        return false;
+    }
+    if (has_mesh) {
+        float free = reach - MESH_MARGIN * bound->params->mesh_eye.w;
+        Line of = line(from_mesh(bound, way->place), toward);
+        if (blocked(bound, &of, free)) {
+            return false;
+        }
+    }
+    way->direction = toward;
+    way->surface = reach;
+    way->ratio = (float3)(1.0f);
+    return true;
+}
+
+// Draws where the path goes on, or that it ends.
+void onward(const Bound *bound, Way *way, const Spot *at, float3 origin, Draws *numbers) {
+    way->mode = PATH_DEPART;
+    float3 e = bound->params->emission.xyz;
+    bool shines = e.x + e.y + e.z > 0.0f;
+    if (way->depth >= bound->params->max_depth && !has_environment && !shines) {
+        way->weight = (float3)(0.0f);
+    } else {
+        if (!at->surface) {
+            float c = bend(bound, numbers);
+            way->next = around(origin, c, draw(numbers));
+        } else if (draw(numbers) < dull(at)) {
+            float c = sqrt(draw(numbers));
+            way->next = around(at->normal, c, draw(numbers));
+        } else {
+            float3 mirrored = origin - 2.0f * dot(origin, at->normal) * at->normal;
+            float c = pow(1.0f - draw(numbers), 1.0f / (at->exponent + 1.0f));
+            way->next = around(mirrored, c, draw(numbers));
+        }
+        way->density = scattered_density(bound, at, origin, way->next);
+        float3 share = scattered(bound, at, origin, way->next);
+        way->weight = way->density > 0.0f ? way->weight * share / way->density : (float3)(0.0f);
+        float most = max(max(way->weight.x, way->weight.y), way->weight.z);
+        float stays = min(most / PATH_WEAK, 1.0f);
+        if (way->depth >= PATH_LONG) {
+            stays = min(stays, 1.0f - 1.0f / convert_float(PATH_LONG));
+        }
+        if (stays < 1.0f) {
+            way->weight = draw(numbers) < stays ? way->weight / stays : (float3)(0.0f);
+        }
+    }
+    if (all(way->weight == (float3)(0.0f))) {
+        way->mode = PATH_IDLE;
+    }
+}

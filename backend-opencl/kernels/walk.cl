@@ -1,0 +1,97 @@
+// Walks along rays from one tentative collision to the next, through cells of constant rate.
+
+// A walk in index space.
+typedef struct {
+    float3 origin;
+    // Voxels per metre.
+    float3 direction;
+    // Metres along.
+    float t;
+    // Where it ends.
+    float far;
+    int3 cell;
+    // Whether it has ended.
+    bool over;
+} Walk;
+
+// A direction of the world in voxels per metre, far enough from parallel to the walls to divide by.
+float3 carried(const Bound *bound, float3 d) {
+    float3 c = to_index(bound, d);
+    return fabs(c) < (float3)(1e-20f) ? (float3)(1e-20f) : c;
+}
+
+// A place of the world, from the eye, in index space.
+float3 placed(const Bound *bound, float3 x) {
+    return bound->params->eye.xyz + to_index(bound, x);
+}
+
+// The walk from `x` along `d` within the box, to `limit` metres at the most.
+Walk walk(const Bound *bound, float3 x, float3 d, float limit) {
+    Walk on;
+    on.origin = placed(bound, x);
+    on.direction = carried(bound, d);
+    float3 lower = (-0.5f - on.origin) / on.direction;
+    float3 upper = (convert_float3(bound->params->dims.xyz) - 0.5f - on.origin) / on.direction;
+    float3 first = min(lower, upper);
+    float3 last = max(lower, upper);
+    on.t = max(max(first.x, first.y), max(first.z, 0.0f));
+    on.far = min(min(last.x, last.y), min(last.z, limit));
+    float side = convert_float(bound->params->majorant_cells.w);
+    float3 at = floor((on.origin + on.t * on.direction + 0.5f) / side);
+    float3 most = convert_float3(bound->params->majorant_cells.xyz - 1u);
+    on.cell = convert_int3(at > (float3)(0.0f) ? min(at, most) : (float3)(0.0f));
+    on.over = on.t >= on.far;
+    return on;
+}
+
+// The walk that a record holds.
+Walk kept(const Bound *bound, const PathRecord *record) {
+    Walk on;
+    on.origin = placed(bound, record->place.xyz);
+    on.direction = carried(bound, record->way.xyz);
+    on.t = record->place.w;
+    on.far = record->way.w;
+    on.cell = as_int3(record->cell.xyz);
+    on.over = record->cell.w == 1u;
+    return on;
+}
+
+// Where it stands, in index space.
+float3 stands(const Walk *on) {
+    return on->origin + on->t * on->direction;
+}
+
+// On to the next tentative collision within the cell, whose rate it gives; else to the next cell, and 0.
+float advance(const Bound *bound, Walk *on, Draws *numbers) {
+    uint4 cells = bound->params->majorant_cells;
+    float side = convert_float(cells.w);
+    int3 onward = on->direction > (float3)(0.0f) ? (int3)(1) : (int3)(0);
+    float3 leave = (convert_float3(on->cell + onward) * side - 0.5f - on->origin) / on->direction;
+    float exit = leave.z;
+    int3 across = (int3)(0, 0, 2 * onward.z - 1);
+    if (leave.x <= leave.y && leave.x <= leave.z) {
+        exit = leave.x;
+        across = (int3)(2 * onward.x - 1, 0, 0);
+    } else if (leave.y <= leave.z) {
+        exit = leave.y;
+        across = (int3)(0, 2 * onward.y - 1, 0);
+    }
+    exit = min(exit, on->far);
+    size_t number = ((size_t)on->cell.z * cells.y + on->cell.y) * cells.x + on->cell.x;
+    float most = bound->majorant[number].y;
+    if (most > 0.0f) {
+        float rate = max(most * bound->params->densest, bound->params->least);
+        if (rate > 0.0f) {
+            float next = on->t + optical_depth(draw(numbers)) / rate;
+            if (next < exit) {
+                on->t = next;
+                return rate;
+            }
+        }
+    }
+    on->t = max(on->t, exit);
+    on->cell += across;
+    bool outside = any(on->cell < (int3)(0)) || any(on->cell >= convert_int3(cells.xyz));
+    on->over = exit >= on->far || outside;
+    return 0.0f;
+}

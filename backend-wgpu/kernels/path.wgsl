@@ -1,0 +1,549 @@
+// `path`: unbiased paths of light through everything. One invocation a pixel.
+
+fn phase_value(i: u32) -> f32 {
+    return tables[params.phase_at + i];
+}
+
+fn phase_size() -> u32 {
+    return params.phase_size;
+}
+
+// A path on its way, as PathRecord keeps it.
+struct Way {
+    mode: u32,
+    place: vec3<f32>,
+    direction: vec3<f32>,
+    next: vec3<f32>,
+    density: f32,
+    weight: vec3<f32>,
+    total: f32,
+    light: vec3<f32>,
+    chosen: f32,
+    pending: vec3<f32>,
+    stopped: f32,
+    ratio: vec3<f32>,
+    stopped_at: f32,
+    through: vec3<f32>,
+    surface: f32,
+    depth: u32,
+    triangle: u32,
+}
+
+// Where a path scatters: within the medium, or on a surface with its normals and material.
+struct Spot {
+    surface: bool,
+    normal: vec3<f32>,
+    facet: vec3<f32>,
+    diffuse: vec3<f32>,
+    specular: vec3<f32>,
+    exponent: f32,
+}
+
+// The turns of a pixel.
+@compute @workgroup_size(64)
+fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = number(id) * 64u + lane;
+    if n >= launch.count {
+        return;
+    }
+    let pixel = launch.start + n;
+    // What is bound in parts is bound from a pixel on.
+    let here = pixel - launch.first;
+    var light = vec4<f32>(0.0);
+    var seen = vec4<f32>(0.0);
+    var stop = vec4<f32>(0.0);
+    var record: PathRecord;
+    if params.fresh != 1u {
+        light = sums[3u * here];
+        seen = sums[3u * here + 1u];
+        stop = sums[3u * here + 2u];
+        record = paths[here];
+    }
+    var way = resume(record);
+    var on = kept(record);
+    var numbers = draws(pixel, u32(light.w), params.frame, record.count.y);
+    for (var turns = 0u; turns < params.turns; turns++) {
+        if way.mode == PATH_IDLE {
+            if light.w >= f32(params.samples) {
+                break;
+            }
+            numbers = draws(pixel, u32(light.w), params.frame, 0u);
+            way = begin(pixel, &numbers);
+            on = walk(way.place, way.direction, limit(way, here));
+        } else if way.mode == PATH_DEPART {
+            depart(&way);
+            on = walk(way.place, way.direction, way.surface);
+        } else if turn(here, &way, &on, &numbers) {
+            scatter(&way, &on, &numbers);
+        }
+        if way.mode == PATH_IDLE {
+            let l = way.light;
+            let mean = (l.x + l.y + l.z) * (1.0 / 3.0);
+            light += vec4<f32>(l, 1.0);
+            seen += vec4<f32>(way.through, mean * mean);
+            stop += vec4<f32>(way.stopped, way.stopped_at, 0.0, 0.0);
+        }
+    }
+    sums[3u * here] = light;
+    sums[3u * here + 1u] = seen;
+    sums[3u * here + 2u] = stop;
+    paths[here] = keep(way, on, numbers);
+    let share = 1.0 / max(light.w, 1.0);
+    let transmitted = seen.xyz * share;
+    let stops = 1.0 - (transmitted.x + transmitted.y + transmitted.z) * (1.0 / 3.0);
+    var depth = launch.infinity;
+    if stop.x > 0.0 {
+        depth = stop.y / stop.x;
+    }
+    film[2u * here] = vec4<f32>(light.xyz * share, select(0.0, stops, light.w > 0.0));
+    film[2u * here + 1u] = vec4<f32>(transmitted, depth);
+}
+
+// The path that a record keeps.
+fn resume(record: PathRecord) -> Way {
+    return Way(
+        record.count.x,
+        record.place.xyz,
+        record.way.xyz,
+        record.next.xyz,
+        record.next.w,
+        record.weight.xyz,
+        record.weight.w,
+        record.light.xyz,
+        record.light.w,
+        record.pending.xyz,
+        record.pending.w,
+        record.ratio.xyz,
+        record.ratio.w,
+        record.through.xyz,
+        record.through.w,
+        record.count.z,
+        record.count.w,
+    );
+}
+
+// What a record keeps of a path.
+fn keep(way: Way, on: Walk, numbers: Draws) -> PathRecord {
+    return PathRecord(
+        vec4<f32>(way.place, on.t),
+        vec4<f32>(way.direction, on.far),
+        vec4<f32>(way.next, way.density),
+        vec4<f32>(way.weight, way.total),
+        vec4<f32>(way.light, way.chosen),
+        vec4<f32>(way.pending, way.stopped),
+        vec4<f32>(way.ratio, way.stopped_at),
+        vec4<f32>(way.through, way.surface),
+        vec4<u32>(vec3<u32>(on.cell), u32(on.over)),
+        vec4<u32>(way.mode, numbers.next, way.depth, way.triangle),
+    );
+}
+
+// A path at the eye.
+fn begin(pixel: u32, numbers: ptr<function, Draws>) -> Way {
+    let width = f32(params.width);
+    let a = (f32(pixel % params.width) + draw(numbers)) * (2.0 / width) - 1.0;
+    let b = 1.0 - (f32(pixel / params.width) + draw(numbers)) * (2.0 / f32(params.height));
+    let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
+    var way: Way;
+    way.mode = PATH_VIEW;
+    way.direction = toward / sqrt(dot(toward, toward));
+    way.ratio = vec3<f32>(1.0);
+    way.through = vec3<f32>(1.0);
+    meet(&way);
+    return way;
+}
+
+// Where the ray meets a surface.
+fn meet(way: ptr<function, Way>) {
+    (*way).surface = FAR;
+    if !has_mesh {
+        return;
+    }
+    let hit = nearest(line(from_mesh((*way).place), (*way).direction), 0.0, FAR, 0u, params.nodes);
+    if hit.distance < FAR {
+        (*way).surface = hit.distance;
+        (*way).triangle = hit.triangle;
+    }
+}
+
+// A place from the mesh's origin.
+fn from_mesh(place: vec3<f32>) -> vec3<f32> {
+    return params.mesh_eye.xyz + place;
+}
+
+// What stands behind a pixel; nothing without a background.
+fn behind(here: u32) -> vec4<f32> {
+    if has_background {
+        return background[here];
+    }
+    return vec4<f32>(0.0, 0.0, 0.0, FAR);
+}
+
+// Where the eye's ray ends.
+fn limit(way: Way, here: u32) -> f32 {
+    return min(way.surface, behind(here).w);
+}
+
+// On its way along the next direction.
+fn depart(way: ptr<function, Way>) {
+    (*way).direction = (*way).next;
+    (*way).mode = PATH_FLIGHT;
+    meet(way);
+}
+
+// A turn of a walk. Whether the path scatters where it now is.
+fn turn(here: u32, way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<function, Draws>) -> bool {
+    if (*on).over {
+        return arrive(here, way, numbers);
+    }
+    let rate = advance(on, numbers);
+    if rate == 0.0 {
+        return false;
+    }
+    let at = stands(*on);
+    let stops = extinction(at, rate);
+    if (*way).mode == PATH_SHADOW {
+        (*way).ratio = faint((*way).ratio * (1.0 - stops), numbers);
+        (*on).over = all((*way).ratio == vec3<f32>(0.0));
+        return false;
+    }
+    let scatters = scattering(at, stops, rate);
+    let shines = emission(at, rate);
+    if (*way).mode == PATH_VIEW {
+        (*way).light += (*way).ratio * shines;
+        let stopped = dot((*way).ratio, stops);
+        (*way).stopped += stopped;
+        (*way).stopped_at += stopped * (*on).t;
+        offer(way, (*way).ratio * scatters, (*on).t, numbers);
+        (*way).ratio = faint((*way).ratio * (1.0 - stops), numbers);
+        (*on).over = all((*way).ratio == vec3<f32>(0.0));
+        return false;
+    }
+    (*way).light += (*way).weight * shines;
+    let whole = (*way).weight.x + (*way).weight.y + (*way).weight.z;
+    let real = dot((*way).weight, stops) / whole;
+    if draw(numbers) >= real {
+        (*way).weight = (*way).weight * (1.0 - stops) / (1.0 - real);
+        return false;
+    }
+    (*way).weight = (*way).weight * scatters / real;
+    (*way).place += (*on).t * (*way).direction;
+    if all((*way).weight == vec3<f32>(0.0)) || (*way).depth >= params.max_depth {
+        (*way).mode = PATH_IDLE;
+        return false;
+    }
+    (*way).surface = FAR;
+    return true;
+}
+
+// σt/μ, at most 1: lookups are good to a rounding.
+fn extinction(at: vec3<f32>, rate: f32) -> vec3<f32> {
+    let density = sample_density(at, vec3<i32>(params.dims.xyz), 0);
+    return min(density / rate * params.extinction.xyz, vec3<f32>(1.0));
+}
+
+// σs/μ.
+fn scattering(at: vec3<f32>, stops: vec3<f32>, rate: f32) -> vec3<f32> {
+    if has_scattering {
+        let density = sample_scattering(at, vec3<i32>(params.dims.xyz), 0).xyz;
+        return density / rate * params.extinction.xyz * params.albedo.xyz;
+    }
+    return stops * params.albedo.xyz;
+}
+
+// j/μ.
+fn emission(at: vec3<f32>, rate: f32) -> vec3<f32> {
+    if params.emission.x + params.emission.y + params.emission.z == 0.0 {
+        return vec3<f32>(0.0);
+    }
+    let size = vec3<i32>(params.dims.xyz);
+    var source = vec3<f32>(0.0);
+    if has_emission_color {
+        source = sample_emission_color(at, size, 0).xyz;
+    } else if has_emission_density {
+        source = vec3<f32>(sample_emission_density(at, size, 0));
+    } else {
+        source = vec3<f32>(sample_density(at, size, 0));
+    }
+    return source / rate * params.emission.xyz;
+}
+
+// T, or nothing by the chance that makes up for it where T is faint.
+fn faint(ratio: vec3<f32>, numbers: ptr<function, Draws>) -> vec3<f32> {
+    let most = max(max(ratio.x, ratio.y), ratio.z);
+    if most >= PATH_FAINT {
+        return ratio;
+    }
+    if draw(numbers) * PATH_FAINT < most {
+        return ratio * (PATH_FAINT / most);
+    }
+    return vec3<f32>(0.0);
+}
+
+// A place on the eye's ray to scatter at, `t` metres along, with its weights.
+fn offer(way: ptr<function, Way>, weights: vec3<f32>, t: f32, numbers: ptr<function, Draws>) {
+    let weight = weights.x + weights.y + weights.z;
+    if weight > 0.0 {
+        (*way).total += weight;
+        if draw(numbers) * (*way).total < weight {
+            (*way).weight = weights / weight;
+            (*way).chosen = t;
+        }
+    }
+}
+
+// The end of a walk. Whether the path scatters where it now is.
+fn arrive(here: u32, way: ptr<function, Way>, numbers: ptr<function, Draws>) -> bool {
+    if (*way).mode == PATH_SHADOW {
+        (*way).light += (*way).pending * (*way).ratio;
+        (*way).mode = select(PATH_DEPART, PATH_IDLE, all((*way).weight == vec3<f32>(0.0)));
+        return false;
+    }
+    if (*way).mode == PATH_VIEW {
+        (*way).through = (*way).ratio;
+        let back = behind(here);
+        if (*way).surface < min(back.w, FAR) {
+            offer(way, (*way).ratio, -1.0, numbers);
+        } else if back.w < FAR {
+            (*way).light += (*way).ratio * back.xyz;
+        } else if params.visible == 1u {
+            (*way).light += (*way).ratio * surroundings((*way).direction);
+        }
+        if (*way).total == 0.0 {
+            (*way).mode = PATH_IDLE;
+            return false;
+        }
+        (*way).weight *= (*way).total;
+        var t = (*way).chosen;
+        if t >= 0.0 {
+            (*way).surface = FAR;
+        } else {
+            t = (*way).surface;
+        }
+        (*way).place += t * (*way).direction;
+        return true;
+    }
+    if (*way).surface < FAR && (*way).depth < params.max_depth {
+        (*way).place += (*way).surface * (*way).direction;
+        return true;
+    }
+    (*way).mode = PATH_IDLE;
+    if (*way).surface == FAR {
+        let d = (*way).direction;
+        (*way).light += (*way).weight * surroundings(d) * share_of_scattering(d, (*way).density);
+    }
+    return false;
+}
+
+// The environment's radiance; none without one.
+fn surroundings(d: vec3<f32>) -> vec3<f32> {
+    if has_environment {
+        return sky(d);
+    }
+    return vec3<f32>(0.0);
+}
+
+// The share of scattering, of that density, in what is seen of the environment along `d` (balance heuristic).
+fn share_of_scattering(d: vec3<f32>, density: f32) -> f32 {
+    if !has_environment {
+        return 1.0;
+    }
+    return density / (density + sky_density(d));
+}
+
+// The probability that the environment is chosen and drawn along `d`, per steradian.
+fn sky_density(d: vec3<f32>) -> f32 {
+    let u = angle(d.x, -d.z) / (2.0 * PI) + params.environment.w;
+    let column = u32((u - floor(u)) * f32(params.sky_columns));
+    let row = u32(angle_of_cosine(d.y) / PI * f32(params.sky_rows));
+    let cell = min(row, params.sky_rows - 1u) * params.sky_columns + min(column, params.sky_columns - 1u);
+    return tables[params.sky_at + CHOICE * cell + 2u] * chance(params.lights);
+}
+
+// The probability that a light, or behind them all the environment, is chosen.
+fn chance(item: u32) -> f32 {
+    return tables[params.choices_at + CHOICE * item + 2u];
+}
+
+// A direction toward the environment.
+fn toward_sky(numbers: ptr<function, Draws>) -> vec3<f32> {
+    let cell = choose(params.sky_at, params.sky_columns * params.sky_rows, numbers);
+    let u = (f32(cell % params.sky_columns) + draw(numbers)) / f32(params.sky_columns) - params.environment.w;
+    let edge = params.edges_at + cell / params.sky_columns;
+    let y = tables[edge] + (tables[edge + 1u] - tables[edge]) * draw(numbers);
+    let p = circle(u - floor(u));
+    let planar = sqrt(max(1.0 - y * y, 0.0));
+    return vec3<f32>(planar * p.y, y, -planar * p.x);
+}
+
+// Looks at a light, and draws where the path goes on.
+fn scatter(way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<function, Draws>) {
+    (*way).depth += 1u;
+    let at = spot(*way);
+    let origin = (*way).direction;
+    let margin = MESH_MARGIN * params.mesh_eye.w;
+    (*way).place += margin * at.facet;
+    let looks = look(way, at, numbers);
+    onward(way, at, origin, numbers);
+    if looks {
+        // The walk toward the light begins here; what comes after it is kept.
+        *on = walk((*way).place, (*way).direction, (*way).surface);
+        (*way).mode = PATH_SHADOW;
+    }
+}
+
+// What the path scatters at.
+fn spot(way: Way) -> Spot {
+    let none = vec3<f32>(0.0);
+    if !has_mesh || way.surface >= FAR {
+        return Spot(false, none, none, none, none, 0.0);
+    }
+    let first = 2u * params.nodes + 6u * way.triangle;
+    let a = place(first);
+    let b = place(first + 1u);
+    let c = place(first + 2u);
+    let across = cross(b - a, c - a);
+    let own = across / max(sqrt(dot(across, across)), 1.2e-38);
+    let facet = select(own, -own, dot(own, way.direction) > 0.0);
+    let p = from_mesh(way.place);
+    // Shares of the corners: twice the areas across from them.
+    let x = dot(cross(b - p, c - p), own);
+    let y = dot(cross(c - p, a - p), own);
+    let z = dot(cross(a - p, b - p), own);
+    var normal = x * place(first + 3u) + y * place(first + 4u) + z * place(first + 5u);
+    let size = sqrt(dot(normal, normal));
+    if size > 0.0 {
+        normal = normal / size;
+    } else {
+        normal = facet;
+    }
+    normal = select(normal, -normal, dot(normal, facet) < 0.0);
+    let m = params.materials_at + 8u * mesh[first + 3u].number;
+    let diffuse = vec3<f32>(tables[m], tables[m + 1u], tables[m + 2u]);
+    let specular = vec3<f32>(tables[m + 4u], tables[m + 5u], tables[m + 6u]);
+    return Spot(true, normal, facet, diffuse, specular, tables[m + 3u]);
+}
+
+// The share of light from `toward` that is scattered back along `origin`, per steradian: on a surface times the cosine.
+fn scattered(at: Spot, origin: vec3<f32>, toward: vec3<f32>) -> vec3<f32> {
+    if !at.surface {
+        return vec3<f32>(phase(dot(toward, origin)));
+    }
+    let facing = dot(at.normal, toward);
+    if facing <= 0.0 || dot(at.facet, toward) <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    let cosine = dot(origin, toward - 2.0 * facing * at.normal);
+    var gloss = 0.0;
+    if cosine > 0.0 {
+        gloss = (at.exponent + 2.0) / (2.0 * PI) * pow(min(cosine, 1.0), at.exponent);
+    }
+    return facing * (at.diffuse / PI + gloss * at.specular);
+}
+
+// The part of a surface's directions that are drawn from its diffuse term.
+fn dull(at: Spot) -> f32 {
+    let diffuse = at.diffuse.x + at.diffuse.y + at.diffuse.z;
+    let specular = at.specular.x + at.specular.y + at.specular.z;
+    if specular > 0.0 {
+        return diffuse / (diffuse + specular);
+    }
+    return 1.0;
+}
+
+// The probability that a path from `origin` goes on toward `toward`, per steradian.
+fn scattered_density(at: Spot, origin: vec3<f32>, toward: vec3<f32>) -> f32 {
+    if !at.surface {
+        return bend_density(dot(toward, origin));
+    }
+    let facing = dot(at.normal, toward);
+    let cosine = dot(origin, toward - 2.0 * facing * at.normal);
+    var gloss = 0.0;
+    if cosine > 0.0 {
+        gloss = (at.exponent + 1.0) / (2.0 * PI) * pow(min(cosine, 1.0), at.exponent);
+    }
+    let part = dull(at);
+    return part * max(facing, 0.0) / PI + (1.0 - part) * gloss;
+}
+
+// Chooses a light and what comes from it but for the medium; whether anything does. The ray is then toward the light.
+fn look(way: ptr<function, Way>, at: Spot, numbers: ptr<function, Draws>) -> bool {
+    if params.choices == 0u {
+        return false;
+    }
+    let item = choose(params.choices_at, params.choices, numbers);
+    let origin = (*way).direction;
+    var toward = vec3<f32>(0.0);
+    var distance = FAR;
+    var arriving = vec3<f32>(0.0);
+    if item < params.lights {
+        let record = lights[item];
+        let light = incident(record, (*way).place, 1.0);
+        toward = light.toward;
+        distance = min(light.distance, FAR);
+        arriving = light.falloff / chance(item) * record.power.xyz;
+    } else {
+        toward = toward_sky(numbers);
+        let density = sky_density(toward) + scattered_density(at, origin, toward);
+        if density > 0.0 {
+            arriving = surroundings(toward) / density;
+        }
+    }
+    (*way).pending = (*way).weight * scattered(at, origin, toward) * arriving;
+    if all((*way).pending == vec3<f32>(0.0)) {
+        return false;
+    }
+    if has_mesh {
+        let free = distance - MESH_MARGIN * params.mesh_eye.w;
+        if blocked(line(from_mesh((*way).place), toward), free) {
+            return false;
+        }
+    }
+    (*way).direction = toward;
+    (*way).surface = distance;
+    (*way).ratio = vec3<f32>(1.0);
+    return true;
+}
+
+// Draws where the path goes on, or that it ends.
+fn onward(way: ptr<function, Way>, at: Spot, origin: vec3<f32>, numbers: ptr<function, Draws>) {
+    (*way).mode = PATH_DEPART;
+    let shines = params.emission.x + params.emission.y + params.emission.z > 0.0;
+    if (*way).depth >= params.max_depth && !has_environment && !shines {
+        (*way).weight = vec3<f32>(0.0);
+    } else {
+        if !at.surface {
+            let c = bend(numbers);
+            (*way).next = around(origin, c, draw(numbers));
+        } else if draw(numbers) < dull(at) {
+            let c = sqrt(draw(numbers));
+            (*way).next = around(at.normal, c, draw(numbers));
+        } else {
+            let mirrored = origin - 2.0 * dot(origin, at.normal) * at.normal;
+            let c = pow(1.0 - draw(numbers), 1.0 / (at.exponent + 1.0));
+            (*way).next = around(mirrored, c, draw(numbers));
+        }
+        (*way).density = scattered_density(at, origin, (*way).next);
+        let share = scattered(at, origin, (*way).next);
+        if (*way).density > 0.0 {
+            (*way).weight = (*way).weight * share / (*way).density;
+        } else {
+            (*way).weight = vec3<f32>(0.0);
+        }
+        let most = max(max((*way).weight.x, (*way).weight.y), (*way).weight.z);
+        var stays = min(most / PATH_WEAK, 1.0);
+        if (*way).depth >= PATH_LONG {
+            stays = min(stays, 1.0 - 1.0 / f32(PATH_LONG));
+        }
+        if stays < 1.0 {
+            if draw(numbers) < stays {
+                (*way).weight = (*way).weight / stays;
+            } else {
+                (*way).weight = vec3<f32>(0.0);
+            }
+        }
+    }
+    if all((*way).weight == vec3<f32>(0.0)) {
+        (*way).mode = PATH_IDLE;
+    }
+}

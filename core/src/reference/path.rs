@@ -1,0 +1,493 @@
+//! Twin of the stage [`Path`](crate::stage::Path): one path after another, each to its end.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::lookup::{Samples, Tints, apply, clip, phase, xyz};
+use super::march::incident;
+use super::mesh::{Hit, nearest};
+use super::sky::sky;
+use super::trace::view;
+use crate::random::{hash, unit};
+use crate::stage::{FAR, LightRecord, MeshRecord, Path, PathParams, PathRecord, PhaseParams};
+
+/// What the bindings of [`Path`](crate::stage::Path) hold.
+#[derive(Clone, Copy, Debug)]
+pub struct PathInputs<'a> {
+    /// Density, x fastest.
+    pub density: &'a [f32],
+    /// Density that scatters.
+    pub scattering: Option<&'a [[f32; 4]]>,
+    /// Emission density.
+    pub emission: Option<&'a [f32]>,
+    /// Emission density with a colour.
+    pub emission_color: Option<&'a [[f32; 4]]>,
+    /// Texels of the environment; more may follow.
+    pub environment: Option<&'a [[f32; 4]]>,
+    /// Mean and maximum of each cell.
+    pub majorant: &'a [[f32; 2]],
+    /// Lights.
+    pub lights: &'a [LightRecord],
+    /// Tables.
+    pub tables: &'a [f32],
+    /// Boxes, which are not read, and triangles.
+    pub mesh: &'a [MeshRecord],
+    /// What stands behind the pixels.
+    pub background: Option<&'a [[f32; 4]]>,
+}
+
+/// What [`Path`](crate::stage::Path) writes after all samples: sums, paths under way (none), the film.
+pub fn path(params: &PathParams, inputs: &PathInputs<'_>) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let (mut sums, mut film) = (Vec::new(), Vec::new());
+    let pixels = params.width * params.height;
+    let n = f64::from(params.samples);
+    for pixel in 0..pixels {
+        let (mut light, mut through, mut squares, mut stopped, mut stopped_at) =
+            (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0, 0.0);
+        for sample in 0..params.samples {
+            let tracer = Tracer { params, inputs, pixel, sample, draws: 0, found: Found::default() };
+            let found = tracer.trace();
+            light += found.light;
+            through += found.through;
+            squares += (found.light.element_sum() / 3.0).powi(2);
+            stopped += found.stopped;
+            stopped_at += found.stopped_at;
+        }
+        sums.extend([light.x, light.y, light.z, n, through.x, through.y, through.z, squares]);
+        sums.extend([stopped, stopped_at, 0.0, 0.0]);
+        let depth = if stopped > 0.0 { stopped_at / stopped } else { f64::INFINITY };
+        film.extend((light / n).to_array());
+        film.push(1.0 - through.element_sum() / (3.0 * n));
+        film.extend((through / n).to_array());
+        film.push(depth);
+    }
+    (sums, vec![0.0; pixels as usize * size_of::<PathRecord>() / 4], film)
+}
+
+/// What a sample adds.
+#[derive(Default)]
+struct Found {
+    light: DVec3,
+    through: DVec3,
+    stopped: f64,
+    stopped_at: f64,
+}
+
+struct Tracer<'a> {
+    params: &'a PathParams,
+    inputs: &'a PathInputs<'a>,
+    pixel: u32,
+    sample: u32,
+    draws: u32,
+    found: Found,
+}
+
+/// A tentative collision: metres along, and there σt, σs and j over the rate.
+struct Collision {
+    t: f64,
+    extinction: DVec3,
+    scattering: DVec3,
+    emission: DVec3,
+}
+
+/// A walk along a ray.
+struct Walk {
+    origin: DVec3,
+    direction: DVec3,
+    t: f64,
+    far: f64,
+    cell: [i64; 3],
+}
+
+/// Where a path scatters.
+struct Spot {
+    place: DVec3,
+    /// Of the ray that came there.
+    from: DVec3,
+    surface: Option<Hit>,
+}
+
+impl Tracer<'_> {
+    fn draw(&mut self) -> f64 {
+        let key = |half: u32| hash([self.sample, self.pixel, self.params.frame.wrapping_mul(2).wrapping_add(half)]);
+        let number = self.draws;
+        self.draws += 1;
+        unit(hash([key(1), key(0).wrapping_add(number)])).into()
+    }
+
+    fn trace(mut self) -> Found {
+        let p = self.params;
+        let (x, y) = (self.pixel % p.width, self.pixel / p.width);
+        let at = [f64::from(x) + self.draw(), f64::from(y) + self.draw()];
+        let d = view([p.forward, p.right, p.up], [p.width, p.height], at);
+        let Some((mut weight, mut spot)) = self.seen(d) else { return self.found };
+        for depth in 1.. {
+            // What is drawn for the way on is drawn before the walk toward the light.
+            let looked = self.look(weight, &spot);
+            let onward = self.onward(&mut weight, &spot, depth);
+            if let Some((pending, toward, distance)) = looked {
+                self.shadow(pending, spot.place, toward, distance);
+            }
+            let Some((toward, density)) = onward else { break };
+            match self.fly(&mut weight, spot.place, toward, density) {
+                Some(next) if depth < p.max_depth && weight != DVec3::ZERO => spot = next,
+                _ => break,
+            }
+        }
+        self.found
+    }
+
+    /// Walks the ray from the eye. The place where the path first scatters, with its weight.
+    fn seen(&mut self, d: DVec3) -> Option<(DVec3, Spot)> {
+        let p = self.params;
+        let back = self.inputs.background.map_or([0.0, 0.0, 0.0, FAR], |all| all[self.pixel as usize]);
+        let hit = self.meet(DVec3::ZERO, d);
+        let limit = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance).min(back[3].into());
+        let (mut ratio, mut total) = (DVec3::ONE, 0.0);
+        let mut chosen: Option<(DVec3, Option<f64>)> = None;
+        let mut walk = self.walk(DVec3::ZERO, d, limit);
+        while let Some(at) = self.next(&mut walk) {
+            self.found.light += ratio * at.emission;
+            let stopped = ratio.dot(at.extinction);
+            self.found.stopped += stopped;
+            self.found.stopped_at += stopped * at.t;
+            self.offer(ratio * at.scattering, Some(at.t), &mut total, &mut chosen);
+            ratio = self.faint(ratio * (1.0 - at.extinction));
+            if ratio == DVec3::ZERO {
+                break;
+            }
+        }
+        self.found.through = ratio;
+        let hit = hit.filter(|hit| hit.distance < f64::from(back[3]));
+        if hit.is_some() {
+            self.offer(ratio, None, &mut total, &mut chosen);
+        } else if back[3] < FAR {
+            self.found.light += ratio * xyz(back);
+        } else if p.visible == 1 {
+            self.found.light += ratio * self.surroundings(d);
+        }
+        let (weight, t) = chosen?;
+        let (t, surface) = match t {
+            Some(t) => (t, None),
+            None => (hit.as_ref()?.distance, hit),
+        };
+        Some((weight * total, self.spot(t * d, d, surface)))
+    }
+
+    /// A place to scatter at, in proportion to the weights of all; none of `t` is that on a surface.
+    fn offer(&mut self, weights: DVec3, t: Option<f64>, total: &mut f64, chosen: &mut Option<(DVec3, Option<f64>)>) {
+        let weight = weights.element_sum();
+        if weight > 0.0 {
+            *total += weight;
+            if self.draw() * *total < weight {
+                *chosen = Some((weights / weight, t));
+            }
+        }
+    }
+
+    /// On to the next place to scatter at; the environment is seen where there is none.
+    fn fly(&mut self, weight: &mut DVec3, place: DVec3, d: DVec3, density: f64) -> Option<Spot> {
+        let hit = self.meet(place, d);
+        let mut walk = self.walk(place, d, hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance));
+        while let Some(at) = self.next(&mut walk) {
+            self.found.light += *weight * at.emission;
+            let real = weight.dot(at.extinction) / weight.element_sum();
+            if self.draw() < real {
+                *weight *= at.scattering / real;
+                return Some(self.spot(place + at.t * d, d, None));
+            }
+            *weight *= (1.0 - at.extinction) / (1.0 - real);
+        }
+        if let Some(hit) = hit {
+            let t = hit.distance;
+            return Some(self.spot(place + t * d, d, Some(hit)));
+        }
+        let share = if self.inputs.environment.is_some() { density / (density + self.sky_density(d)) } else { 1.0 };
+        self.found.light += *weight * self.surroundings(d) * share;
+        None
+    }
+
+    /// Chooses a light: what comes from it but for the medium, its direction and distance.
+    fn look(&mut self, weight: DVec3, spot: &Spot) -> Option<(DVec3, DVec3, f64)> {
+        let p = self.params;
+        if p.choices == 0 {
+            return None;
+        }
+        let item = self.choose(p.choices_at, p.choices);
+        let (toward, distance, arriving) = if item < p.lights {
+            let light = &self.inputs.lights[item as usize];
+            let (toward, distance, falloff) = incident(light, p.light_floor, 1.0, spot.place);
+            (toward, distance, xyz(light.power) * falloff / self.chance(item))
+        } else {
+            let toward = self.toward_sky();
+            let density = self.sky_density(toward) + self.density(spot, toward);
+            (toward, f64::INFINITY, if density > 0.0 { self.surroundings(toward) / density } else { DVec3::ZERO })
+        };
+        let pending = weight * self.scattered(spot, toward) * arriving;
+        let free = distance - f64::from(MeshRecord::MARGIN * p.mesh_eye[3]);
+        let from = xyz(p.mesh_eye) + spot.place;
+        let dark = pending == DVec3::ZERO || nearest(self.inputs.mesh, p.nodes, from, toward, [0.0, free]).is_some();
+        (!dark).then_some((pending, toward, distance))
+    }
+
+    /// What the medium lets through of a light.
+    fn shadow(&mut self, pending: DVec3, place: DVec3, toward: DVec3, distance: f64) {
+        let mut ratio = DVec3::ONE;
+        let mut walk = self.walk(place, toward, distance);
+        while ratio != DVec3::ZERO
+            && let Some(at) = self.next(&mut walk)
+        {
+            ratio = self.faint(ratio * (1.0 - at.extinction));
+        }
+        self.found.light += pending * ratio;
+    }
+
+    /// T, or nothing by the chance that makes up for it where T is faint.
+    fn faint(&mut self, ratio: DVec3) -> DVec3 {
+        let (most, faint) = (ratio.max_element(), f64::from(Path::FAINT));
+        if most >= faint {
+            ratio
+        } else if self.draw() * faint < most {
+            ratio * (faint / most)
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    fn walk(&self, place: DVec3, d: DVec3, limit: f64) -> Walk {
+        let p = self.params;
+        let rows = [p.index_x, p.index_y, p.index_z];
+        let (origin, direction) = (xyz(p.eye) + apply(rows, place), apply(rows, d));
+        let (near, far) = clip(origin, direction, p.dims, limit);
+        let at = (origin + near * direction + 0.5) / f64::from(p.majorant_cells[3]);
+        let cell = [0, 1, 2].map(|a| (at[a].floor() as i64).clamp(0, i64::from(p.majorant_cells[a]) - 1));
+        Walk { origin, direction, t: near, far, cell }
+    }
+
+    /// The next tentative collision of a walk.
+    fn next(&mut self, walk: &mut Walk) -> Option<Collision> {
+        let p = self.params;
+        let [x, y, z, side] = p.majorant_cells.map(i64::from);
+        while walk.t < walk.far && (0..3).all(|a| (0..[x, y, z][a]).contains(&walk.cell[a])) {
+            let leave = |a: usize| {
+                let wall = ((walk.cell[a] + i64::from(walk.direction[a] > 0.0)) * side) as f64 - 0.5;
+                let leave = (wall - walk.origin[a]) / walk.direction[a];
+                if walk.direction[a] == 0.0 { f64::INFINITY } else { leave }
+            };
+            let axis = [0, 1, 2].into_iter().min_by(|&a, &b| leave(a).total_cmp(&leave(b))).unwrap_or(0);
+            let exit = leave(axis).min(walk.far);
+            let most = self.inputs.majorant[((walk.cell[2] * y + walk.cell[1]) * x + walk.cell[0]) as usize][1];
+            let rate = if most > 0.0 { f64::from(most * p.densest).max(p.least.into()) } else { 0.0 };
+            if rate > 0.0 {
+                let t = walk.t - (1.0 - self.draw()).ln() / rate;
+                if t < exit {
+                    walk.t = t;
+                    return Some(self.collision(walk, rate));
+                }
+            }
+            walk.t = walk.t.max(exit);
+            walk.cell[axis] += if walk.direction[axis] > 0.0 { 1 } else { -1 };
+        }
+        None
+    }
+
+    fn collision(&self, walk: &Walk, rate: f64) -> Collision {
+        let (p, inputs) = (self.params, self.inputs);
+        let at = walk.origin + walk.t * walk.direction;
+        let density = Samples::new(inputs.density, p.dims).trilinear(at);
+        let scatters = Tints::new(inputs.scattering, inputs.density, p.dims).trilinear(at);
+        let source = Tints::new(inputs.emission_color, inputs.emission.unwrap_or(inputs.density), p.dims).trilinear(at);
+        let extinction = xyz(p.extinction) / rate;
+        Collision {
+            t: walk.t,
+            extinction: (density * extinction).min(DVec3::ONE),
+            scattering: scatters * extinction * xyz(p.albedo),
+            emission: source * xyz(p.emission) / rate,
+        }
+    }
+
+    fn meet(&self, place: DVec3, d: DVec3) -> Option<Hit> {
+        let p = self.params;
+        nearest(self.inputs.mesh, p.nodes, xyz(p.mesh_eye) + place, d, [0.0, f64::INFINITY])
+    }
+
+    /// Where a path scatters; normals are turned to the side that it comes from, and it goes on from a margin before a surface.
+    fn spot(&self, place: DVec3, from: DVec3, surface: Option<Hit>) -> Spot {
+        let Some(mut hit) = surface else { return Spot { place, from, surface } };
+        hit.facet *= -hit.facet.dot(from).signum();
+        if hit.normal.dot(hit.facet) < 0.0 {
+            hit.normal = -hit.normal;
+        }
+        let margin = f64::from(MeshRecord::MARGIN * self.params.mesh_eye[3]);
+        Spot { place: place + margin * hit.facet, from, surface: Some(hit) }
+    }
+
+    fn surroundings(&self, d: DVec3) -> DVec3 {
+        let p = self.params;
+        let of = |texels| sky([p.environment_width, p.environment_height], p.environment, texels, d);
+        self.inputs.environment.map_or(DVec3::ZERO, of)
+    }
+
+    fn value(&self, at: u32) -> f64 {
+        self.inputs.tables[at as usize].into()
+    }
+
+    fn choose(&mut self, at: u32, count: u32) -> u32 {
+        let place = ((self.draw() * f64::from(count)) as u32).min(count - 1);
+        let item = at + Path::CHOICE * place;
+        if self.draw() < self.value(item) { place } else { self.value(item + 1) as u32 }
+    }
+
+    fn chance(&self, item: u32) -> f64 {
+        self.value(self.params.choices_at + Path::CHOICE * item + 2)
+    }
+
+    fn toward_sky(&mut self) -> DVec3 {
+        let p = self.params;
+        let cell = self.choose(p.sky_at, p.sky_columns * p.sky_rows);
+        let (column, row) = (cell % p.sky_columns, cell / p.sky_columns);
+        let u = (f64::from(column) + self.draw()) / f64::from(p.sky_columns) - f64::from(p.environment[3]);
+        let (above, below) = (self.value(p.edges_at + row), self.value(p.edges_at + row + 1));
+        let y = above + (below - above) * self.draw();
+        let (sin, cos) = (2.0 * PI * u).sin_cos();
+        let planar = (1.0 - y * y).max(0.0).sqrt();
+        DVec3::new(planar * sin, y, -planar * cos)
+    }
+
+    /// The probability that the environment is chosen and drawn along `d`, per steradian.
+    fn sky_density(&self, d: DVec3) -> f64 {
+        let p = self.params;
+        let u = (d.x.atan2(-d.z) / (2.0 * PI) + f64::from(p.environment[3])).rem_euclid(1.0);
+        let v = d.y.clamp(-1.0, 1.0).acos() / PI;
+        let cell = |at: f64, cells: u32| ((at * f64::from(cells)) as u32).min(cells - 1);
+        let number = cell(v, p.sky_rows) * p.sky_columns + cell(u, p.sky_columns);
+        self.value(p.sky_at + Path::CHOICE * number + 2) * self.chance(p.lights)
+    }
+
+    fn phase_table(&self) -> &[f32] {
+        &self.inputs.tables[self.params.phase_at as usize..][..self.params.phase_size as usize]
+    }
+
+    /// Diffuse and specular reflectance, and the exponent.
+    fn material(&self, hit: &Hit) -> (DVec3, DVec3, f64) {
+        let at = self.params.materials_at + 8 * hit.material;
+        let rgb = |at: u32| DVec3::new(self.value(at), self.value(at + 1), self.value(at + 2));
+        (rgb(at), rgb(at + 4), self.value(at + 3))
+    }
+
+    /// The share of light from `toward` that is scattered back, per steradian: on a surface times the cosine.
+    fn scattered(&self, spot: &Spot, toward: DVec3) -> DVec3 {
+        let p = self.params;
+        let Some(hit) = &spot.surface else {
+            return DVec3::splat(phase(p.phase_kind, p.phase, self.phase_table(), toward.dot(spot.from)));
+        };
+        let facing = hit.normal.dot(toward);
+        if facing <= 0.0 || hit.facet.dot(toward) <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let (diffuse, specular, n) = self.material(hit);
+        let cosine = mirrored(hit, spot.from).dot(toward);
+        let lobe = if cosine > 0.0 { (n + 2.0) / (2.0 * PI) * cosine.powf(n) } else { 0.0 };
+        facing * (diffuse / PI + lobe * specular)
+    }
+
+    /// The part of a surface's directions that are drawn from its diffuse term.
+    fn dull(&self, hit: &Hit) -> f64 {
+        let (diffuse, specular, _) = self.material(hit);
+        if specular == DVec3::ZERO { 1.0 } else { diffuse.element_sum() / (diffuse + specular).element_sum() }
+    }
+
+    /// The probability that a path goes on toward `toward`, per steradian.
+    fn density(&self, spot: &Spot, toward: DVec3) -> f64 {
+        let p = self.params;
+        let Some(hit) = &spot.surface else {
+            let c = toward.dot(spot.from);
+            if p.phase_kind != PhaseParams::TABLE {
+                return phase(p.phase_kind, p.phase, &[], c);
+            }
+            let last = p.phase_size - 1;
+            let piece = (c.clamp(-1.0, 1.0).acos() / PI * f64::from(last)) as u32;
+            return self.value(p.bends_at + Path::CHOICE * piece.min(last - 1) + 2);
+        };
+        let n = self.material(hit).2;
+        let cosine = mirrored(hit, spot.from).dot(toward).max(0.0);
+        let part = self.dull(hit);
+        let lobe = if cosine > 0.0 { (n + 1.0) / (2.0 * PI) * cosine.powf(n) } else { 0.0 };
+        part * hit.normal.dot(toward).max(0.0) / PI + (1.0 - part) * lobe
+    }
+
+    /// The direction in which a path goes on and the probability of that, unless it ends after its scattering `depth`.
+    fn onward(&mut self, weight: &mut DVec3, spot: &Spot, depth: u32) -> Option<(DVec3, f64)> {
+        let p = self.params;
+        let shines = p.emission[..3].iter().any(|e| *e > 0.0);
+        if depth >= p.max_depth && self.inputs.environment.is_none() && !shines {
+            return None;
+        }
+        let toward = self.direction(spot);
+        let density = self.density(spot, toward);
+        *weight *= if density > 0.0 { self.scattered(spot, toward) / density } else { DVec3::ZERO };
+        let mut stays = (weight.max_element() / f64::from(Path::WEAK)).min(1.0);
+        if depth >= Path::LONG {
+            stays = stays.min(1.0 - 1.0 / f64::from(Path::LONG));
+        }
+        if stays < 1.0 && self.draw() >= stays {
+            return None;
+        }
+        *weight /= stays;
+        Some((toward, density))
+    }
+
+    /// Draws a direction.
+    fn direction(&mut self, spot: &Spot) -> DVec3 {
+        if let Some(hit) = &spot.surface {
+            return if self.draw() < self.dull(hit) {
+                let c = self.draw().sqrt();
+                around(hit.normal, c, self.draw())
+            } else {
+                let c = (1.0 - self.draw()).powf(1.0 / (self.material(hit).2 + 1.0));
+                around(mirrored(hit, spot.from), c, self.draw())
+            };
+        }
+        let p = self.params;
+        let c = match p.phase_kind {
+            PhaseParams::HENYEY_GREENSTEIN => {
+                let [forward, backward, weight, _] = p.phase.map(f64::from);
+                let g = if weight == 1.0 || self.draw() < weight { forward } else { backward };
+                let x = 2.0 * self.draw() - 1.0;
+                // The textbook's inverse, which divides by g.
+                let base = (1.0 - g * g) / (1.0 + g * x);
+                if g.abs() < 1e-9 { x } else { (1.0 + g * g - base * base) / (2.0 * g) }
+            }
+            PhaseParams::RAYLEIGH => {
+                let q = 4.0 * self.draw() - 2.0;
+                let root = (q + (q * q + 1.0).sqrt()).cbrt();
+                root - 1.0 / root
+            }
+            PhaseParams::TABLE => {
+                let last = p.phase_size - 1;
+                let piece = self.choose(p.bends_at, last);
+                let edge = |i: u32| (PI * f64::from(i) / f64::from(last)).cos();
+                edge(piece) + (edge(piece + 1) - edge(piece)) * self.draw()
+            }
+            _ => 2.0 * self.draw() - 1.0,
+        };
+        around(spot.from, c.clamp(-1.0, 1.0), self.draw())
+    }
+}
+
+/// The direction that a surface mirrors a ray in.
+fn mirrored(hit: &Hit, from: DVec3) -> DVec3 {
+    from - 2.0 * from.dot(hit.normal) * hit.normal
+}
+
+/// The direction at cosine `c` to a unit `d`, so many turns around it.
+fn around(d: DVec3, c: f64, turn: f64) -> DVec3 {
+    let s = if d.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + d.z);
+    let b = d.x * d.y * a;
+    let (u, v) = (DVec3::new(1.0 + s * d.x * d.x * a, s * b, -s * d.x), DVec3::new(b, s + d.y * d.y * a, -d.y));
+    let (sin, cos) = (2.0 * PI * turn).sin_cos();
+    let planar = (1.0 - c * c).max(0.0).sqrt();
+    (planar * (cos * u + sin * v) + c * d).normalize()
+}
