@@ -55,7 +55,7 @@ pub use case::{Axis, Case, Labels, Need};
 pub use compare::{Difference, compare};
 pub use libtest_mimic::Failed;
 pub use record::{MISMATCHES, Mismatch, Mismatches, Picture, Place, Record, Score, rgb};
-pub use report::{Reported, write_report};
+pub use report::{Reported, Sheet, SheetEntry, write_report, write_sheet};
 pub use sidecar::{AxisRecord, DeviceRecord, FORMAT, FORMAT_VERSION, LimitsRecord, Outcome, Sidecar, ToleranceRecord};
 pub use suite::try_all;
 pub use tolerance::Tolerance;
