@@ -38,7 +38,6 @@ void meet(const Bound *bound, Way *way);
 float3 from_mesh(const Bound *bound, float3 place);
 float4 behind(const Bound *bound, uint pixel);
 float limit(const Bound *bound, const Way *way, uint pixel);
-void depart(const Bound *bound, Way *way);
 bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers);
 float3 extinction(const Bound *bound, float3 at, float rate);
 float3 scattering(const Bound *bound, float3 at, float3 stops, float rate);
@@ -51,7 +50,7 @@ float share_of_scattering(const Bound *bound, float3 d, float density);
 float sky_density(const Bound *bound, float3 d);
 float chance(const Bound *bound, uint item);
 float3 toward_sky(const Bound *bound, Draws *numbers);
-void scatter(const Bound *bound, Way *way, Walk *on, Draws *numbers);
+bool scatter(const Bound *bound, Way *way, Draws *numbers);
 Spot spot(const Bound *bound, const Way *way);
 float3 scattered(const Bound *bound, const Spot *at, float3 origin, float3 toward);
 float dull(const Spot *at);
@@ -93,18 +92,24 @@ void run_path(const Bound *bound) {
     Walk on = kept(bound, &record);
     Draws numbers = draws(pixel, convert_uint(light.w), frame, record.count.y);
     for (uint turns = 0u; turns < bound->params->turns; turns++) {
-        if (way.mode == PATH_IDLE) {
-            if (light.w >= convert_float(bound->params->samples)) {
-                break;
+        bool sets_out = true;
+        if (way.mode == PATH_IDLE || way.mode == PATH_DEPART) {
+            if (way.mode == PATH_DEPART) {
+                way.direction = way.next;
+                way.mode = PATH_FLIGHT;
+            } else {
+                if (light.w >= convert_float(bound->params->samples)) {
+                    break;
+                }
+                numbers = draws(pixel, convert_uint(light.w), frame, 0u);
+                way = begin(bound, pixel, &numbers);
             }
-            numbers = draws(pixel, convert_uint(light.w), frame, 0u);
-            way = begin(bound, pixel, &numbers);
+            meet(bound, &way);
+        } else {
+            sets_out = turn(bound, pixel, &way, &on, &numbers) && scatter(bound, &way, &numbers);
+        }
+        if (sets_out) {
             on = walk(bound, way.place, way.direction, limit(bound, &way, pixel));
-        } else if (way.mode == PATH_DEPART) {
-            depart(bound, &way);
-            on = walk(bound, way.place, way.direction, way.surface);
-        } else if (turn(bound, pixel, &way, &on, &numbers)) {
-            scatter(bound, &way, &on, &numbers);
         }
         if (way.mode == PATH_IDLE) {
             float mean = (way.light.x + way.light.y + way.light.z) * (1.0f / 3.0f);
@@ -177,9 +182,9 @@ Way begin(const Bound *bound, uint pixel, Draws *numbers) {
     way.place = way.next = way.weight = way.light = way.pending = (float3)(0.0f);
     way.direction = toward / sqrt(dot(toward, toward));
     way.ratio = way.through = (float3)(1.0f);
+    way.surface = FAR;
     way.density = way.total = way.chosen = way.stopped = way.stopped_at = 0.0f;
     way.depth = way.triangle = 0u;
-    meet(bound, &way);
     return way;
 }
 
@@ -210,16 +215,9 @@ float4 behind(const Bound *bound, uint pixel) {
     return (float4)(0.0f, 0.0f, 0.0f, FAR);
 }
 
-// Where the eye's ray ends.
+// Where the ray ends; that from the eye also at what stands behind everything.
 float limit(const Bound *bound, const Way *way, uint pixel) {
-    return fmin(way->surface, behind(bound, pixel).w);
-}
-
-// On its way along the next direction.
-void depart(const Bound *bound, Way *way) {
-    way->direction = way->next;
-    way->mode = PATH_FLIGHT;
-    meet(bound, way);
+    return way->mode == PATH_VIEW ? fmin(way->surface, behind(bound, pixel).w) : way->surface;
 }
 
 // A turn of a walk. Whether the path scatters where it now is.
@@ -332,6 +330,11 @@ bool arrive(const Bound *bound, uint pixel, Way *way, Draws *numbers) {
         way->mode = all(way->weight == (float3)(0.0f)) ? PATH_IDLE : PATH_DEPART;
         return false;
     }
+    float3 d = way->direction;
+    float t = way->surface;
+    bool goes_on = false;
+    // What of the environment is seen.
+    float3 share = (float3)(0.0f);
     if (way->mode == PATH_VIEW) {
         way->through = way->ratio;
         float4 back = behind(bound, pixel);
@@ -340,32 +343,28 @@ bool arrive(const Bound *bound, uint pixel, Way *way, Draws *numbers) {
         } else if (back.w < FAR) {
             way->light += way->ratio * back.xyz;
         } else if (bound->params->visible == 1u) {
-            way->light += way->ratio * surroundings(bound, way->direction);
+            share = way->ratio;
         }
-        if (way->total == 0.0f) {
-            way->mode = PATH_IDLE;
-            return false;
-        }
+        goes_on = way->total > 0.0f;
         way->weight *= way->total;
-        float t = way->chosen;
-        if (t >= 0.0f) {
+        if (way->chosen >= 0.0f) {
+            t = way->chosen;
             way->surface = FAR;
-        } else {
-            t = way->surface;
         }
-        way->place += t * way->direction;
-        return true;
+    } else if (way->surface < FAR) {
+        goes_on = way->depth < bound->params->max_depth;
+    } else {
+        share = way->weight * share_of_scattering(bound, d, way->density);
     }
-    if (way->surface < FAR && way->depth < bound->params->max_depth) {
-        way->place += way->surface * way->direction;
-        return true;
+    if (any(share != (float3)(0.0f))) {
+        way->light += share * surroundings(bound, d);
     }
-    way->mode = PATH_IDLE;
-    if (way->surface == FAR) {
-        float3 d = way->direction;
-        way->light += way->weight * surroundings(bound, d) * share_of_scattering(bound, d, way->density);
+    if (goes_on) {
+        way->place += t * d;
+    } else {
+        way->mode = PATH_IDLE;
     }
-    return false;
+    return goes_on;
 }
 
 // The environment's radiance; none without one.
@@ -412,8 +411,8 @@ float3 toward_sky(const Bound *bound, Draws *numbers) {
     return (float3)(planar * p.y, y, -planar * p.x);
 }
 
-// Looks at a light, and draws where the path goes on.
-void scatter(const Bound *bound, Way *way, Walk *on, Draws *numbers) {
+// Draws where the path goes on, and looks at a light before; whether there is one to look at.
+bool scatter(const Bound *bound, Way *way, Draws *numbers) {
     way->depth += 1u;
     Spot at = spot(bound, way);
     float3 origin = way->direction;
@@ -422,10 +421,9 @@ void scatter(const Bound *bound, Way *way, Walk *on, Draws *numbers) {
     bool looks = look(bound, way, &at, numbers);
     onward(bound, way, &at, origin, numbers);
     if (looks) {
-        // The walk toward the light begins here; what comes after it is kept.
-        *on = walk(bound, way->place, way->direction, way->surface);
         way->mode = PATH_SHADOW;
     }
+    return looks;
 }
 
 // What the path scatters at.

@@ -63,18 +63,27 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
     var on = kept(record);
     var numbers = draws(pixel, u32(light.w), params.frame, record.count.y);
     for (var turns = 0u; turns < params.turns; turns++) {
-        if way.mode == PATH_IDLE {
-            if light.w >= f32(params.samples) {
-                break;
+        var sets_out = true;
+        if way.mode == PATH_IDLE || way.mode == PATH_DEPART {
+            if way.mode == PATH_DEPART {
+                way.direction = way.next;
+                way.mode = PATH_FLIGHT;
+            } else {
+                if light.w >= f32(params.samples) {
+                    break;
+                }
+                numbers = draws(pixel, u32(light.w), params.frame, 0u);
+                way = begin(pixel, &numbers);
             }
-            numbers = draws(pixel, u32(light.w), params.frame, 0u);
-            way = begin(pixel, &numbers);
+            meet(&way);
+        } else {
+            sets_out = turn(here, &way, &on, &numbers);
+            if sets_out {
+                sets_out = scatter(&way, &numbers);
+            }
+        }
+        if sets_out {
             on = walk(way.place, way.direction, limit(way, here));
-        } else if way.mode == PATH_DEPART {
-            depart(&way);
-            on = walk(way.place, way.direction, way.surface);
-        } else if turn(here, &way, &on, &numbers) {
-            scatter(&way, &on, &numbers);
         }
         if way.mode == PATH_IDLE {
             let l = way.light;
@@ -149,7 +158,6 @@ fn begin(pixel: u32, numbers: ptr<function, Draws>) -> Way {
     way.direction = toward / sqrt(dot(toward, toward));
     way.ratio = vec3<f32>(1.0);
     way.through = vec3<f32>(1.0);
-    meet(&way);
     return way;
 }
 
@@ -179,16 +187,12 @@ fn behind(here: u32) -> vec4<f32> {
     return vec4<f32>(0.0, 0.0, 0.0, FAR);
 }
 
-// Where the eye's ray ends.
+// Where the ray ends; that from the eye also at what stands behind everything.
 fn limit(way: Way, here: u32) -> f32 {
-    return min(way.surface, behind(here).w);
-}
-
-// On its way along the next direction.
-fn depart(way: ptr<function, Way>) {
-    (*way).direction = (*way).next;
-    (*way).mode = PATH_FLIGHT;
-    meet(way);
+    if way.mode == PATH_VIEW {
+        return min(way.surface, behind(here).w);
+    }
+    return way.surface;
 }
 
 // A turn of a walk. Whether the path scatters where it now is.
@@ -299,6 +303,11 @@ fn arrive(here: u32, way: ptr<function, Way>, numbers: ptr<function, Draws>) -> 
         (*way).mode = select(PATH_DEPART, PATH_IDLE, all((*way).weight == vec3<f32>(0.0)));
         return false;
     }
+    let d = (*way).direction;
+    var t = (*way).surface;
+    var goes_on = false;
+    // What of the environment is seen.
+    var share = vec3<f32>(0.0);
     if (*way).mode == PATH_VIEW {
         (*way).through = (*way).ratio;
         let back = behind(here);
@@ -307,32 +316,28 @@ fn arrive(here: u32, way: ptr<function, Way>, numbers: ptr<function, Draws>) -> 
         } else if back.w < FAR {
             (*way).light += (*way).ratio * back.xyz;
         } else if params.visible == 1u {
-            (*way).light += (*way).ratio * surroundings((*way).direction);
+            share = (*way).ratio;
         }
-        if (*way).total == 0.0 {
-            (*way).mode = PATH_IDLE;
-            return false;
-        }
+        goes_on = (*way).total > 0.0;
         (*way).weight *= (*way).total;
-        var t = (*way).chosen;
-        if t >= 0.0 {
+        if (*way).chosen >= 0.0 {
+            t = (*way).chosen;
             (*way).surface = FAR;
-        } else {
-            t = (*way).surface;
         }
-        (*way).place += t * (*way).direction;
-        return true;
+    } else if (*way).surface < FAR {
+        goes_on = (*way).depth < params.max_depth;
+    } else {
+        share = (*way).weight * share_of_scattering(d, (*way).density);
     }
-    if (*way).surface < FAR && (*way).depth < params.max_depth {
-        (*way).place += (*way).surface * (*way).direction;
-        return true;
+    if any(share != vec3<f32>(0.0)) {
+        (*way).light += share * surroundings(d);
     }
-    (*way).mode = PATH_IDLE;
-    if (*way).surface == FAR {
-        let d = (*way).direction;
-        (*way).light += (*way).weight * surroundings(d) * share_of_scattering(d, (*way).density);
+    if goes_on {
+        (*way).place += t * d;
+    } else {
+        (*way).mode = PATH_IDLE;
     }
-    return false;
+    return goes_on;
 }
 
 // The environment's radiance; none without one.
@@ -376,8 +381,8 @@ fn toward_sky(numbers: ptr<function, Draws>) -> vec3<f32> {
     return vec3<f32>(planar * p.y, y, -planar * p.x);
 }
 
-// Looks at a light, and draws where the path goes on.
-fn scatter(way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<function, Draws>) {
+// Draws where the path goes on, and looks at a light before; whether there is one to look at.
+fn scatter(way: ptr<function, Way>, numbers: ptr<function, Draws>) -> bool {
     (*way).depth += 1u;
     let at = spot(*way);
     let origin = (*way).direction;
@@ -386,10 +391,9 @@ fn scatter(way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<functi
     let looks = look(way, at, numbers);
     onward(way, at, origin, numbers);
     if looks {
-        // The walk toward the light begins here; what comes after it is kept.
-        *on = walk((*way).place, (*way).direction, (*way).surface);
         (*way).mode = PATH_SHADOW;
     }
+    return looks;
 }
 
 // What the path scatters at.

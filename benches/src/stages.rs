@@ -1,5 +1,7 @@
 //! Single stages on resources of their own.
 
+mod path;
+
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 use airlight::glam::{DVec3, Vec3};
@@ -27,7 +29,7 @@ const BANDS: u32 = 3;
 const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 11] = [
+pub const STAGES: [&str; 12] = [
     "inject",
     "reduce",
     "project",
@@ -39,6 +41,7 @@ pub const STAGES: [&str; 11] = [
     "shadow",
     "accumulate",
     "upsample",
+    "path",
 ];
 
 /// A ray of the view, in index space.
@@ -165,6 +168,7 @@ impl Rig {
             "shadow" => (self.shadow(), "texels"),
             "accumulate" => (self.accumulate(view), "pixels"),
             "upsample" => (self.upsample(view), "pixels"),
+            "path" => (self.path(view), "paths"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };

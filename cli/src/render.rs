@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use airlight::Renderer;
 use airlight::device::DeviceInfo;
 use airlight::exec::{Hooks, Progress, Rendered};
-use airlight::scene::{EnvironmentEstimate, LightsEstimate, Scene};
+use airlight::scene::{AllEstimate, EnvironmentEstimate, LightsEstimate, Scene};
 use airlight_formats::image::{ToneMap, write_film};
 use airlight_formats::scene::{LoadedScene, SceneFile};
 use serde_json::{Map, Value, json};
@@ -33,6 +33,9 @@ pub(crate) struct Options {
     /// Sub-pixel positions per pixel, instead of the scene's.
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
+    /// Seconds after which a picture of estimate.all = "path" gets no more samples, instead of the scene's.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    time_limit: Option<f64>,
     /// Render these frames, A to B or a single one, each to files of its own: out.####.exr. Without it, the first frame of
     /// the scene's [animation], or frame 0.
     #[arg(long, value_name = "A-B", value_parser = frames::parse)]
@@ -52,6 +55,13 @@ pub(crate) fn size(text: &str) -> Result<(u32, u32), String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("a size is written as 640x480")?;
     let side = |s: &str| s.parse::<u32>().map_err(|_| format!("\"{s}\" is not a number of pixels"));
     Ok((side(w)?, side(h)?))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
+        _ => Err("a number of seconds above 0 is needed".into()),
+    }
 }
 
 /// 2^±128 already leaves what f32 holds.
@@ -106,8 +116,9 @@ pub(crate) fn run(options: &Options) -> Done {
     let count = outputs.len();
     for ((frame, outputs), number) in frames.zip(&outputs).zip(1..) {
         let told = |failure: Failure| if sequence { failure.within(&format!("frame {frame}")) } else { failure };
-        let LoadedScene { scene, warnings: more, .. } = first.take().map_or_else(|| file.frame(frame), Ok)?;
+        let LoadedScene { mut scene, warnings: more, .. } = first.take().map_or_else(|| file.frame(frame), Ok)?;
         warn(more, &mut warnings);
+        limit_time(options, &mut scene)?;
         let loading = begin.elapsed();
         let mut show = |progress: Progress| match sequence {
             true => meter.show(format_args!("frame {frame}, {number} of {count}: {}", progress.stage), progress.done),
@@ -151,6 +162,21 @@ pub(crate) fn run(options: &Options) -> Done {
     output::json(&common.into())
 }
 
+/// Puts the limit of time in place of the scene's.
+fn limit_time(options: &Options, scene: &mut Scene) -> Done {
+    match (options.time_limit, &mut scene.estimate.all) {
+        (None, _) => Ok(()),
+        (limit, Some(AllEstimate::Path(path))) => {
+            path.time_limit = limit;
+            Ok(())
+        }
+        (Some(_), None) => {
+            let what = "--time-limit: only estimate.all = \"path\" adds samples until it is told to stop";
+            Err(Failure::input(format!("{}: {what}", options.scene.display())))
+        }
+    }
+}
+
 /// Says each warning once.
 pub(crate) fn warn(new: Vec<String>, said: &mut Vec<String>) {
     for warning in new {
@@ -182,7 +208,10 @@ fn estimators(scene: &Scene) -> Vec<String> {
         LightsEstimate::Opacity(o) => format!("lights: opacity {o:?}"),
         LightsEstimate::Direct(d) => format!("lights: direct {d:?}"),
     });
-    environment.into_iter().chain(lights).collect()
+    let all = scene.estimate.all.as_ref().map(|a| match a {
+        AllEstimate::Path(p) => format!("all: path {p:?}"),
+    });
+    environment.into_iter().chain(lights).chain(all).collect()
 }
 
 impl Picture<'_> {
@@ -206,6 +235,9 @@ impl Picture<'_> {
         let Self { scene, info, .. } = self;
         let stages = self.rendered.report.stages.iter();
         let stages: Vec<_> = stages.map(|s| format!("{} {:.3} s", s.stage, s.time.as_secs_f64())).collect();
+        let paths = self.rendered.report.paths;
+        let paths = paths
+            .map(|p| [("airlight.path.samples", p.samples.to_string()), ("airlight.path.noise", p.noise.to_string())]);
         let settings: Vec<_> = options.set.iter().map(|(k, v)| format!("{k}={v}")).collect();
         [
             ("airlight.version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -224,6 +256,7 @@ impl Picture<'_> {
             ("airlight.stages", stages.join("; ")),
         ]
         .into_iter()
+        .chain(paths.into_iter().flatten())
         .map(|(k, v)| (k.to_owned(), v))
         .collect()
     }
@@ -262,6 +295,7 @@ impl Picture<'_> {
             "uploads": report.uploads,
             "stages": stages,
             "device_bytes": report.bytes,
+            "paths": report.paths.map(|p| json!({ "samples": p.samples, "noise": output::number(p.noise) })),
         })
     }
 }

@@ -17,7 +17,9 @@ use airlight::exec::{ExecError, Hooks, RenderError};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Gaussian, Gaussians, Phase};
-use airlight::scene::{EnvironmentEstimate, Film, LightsEstimate, Opacity, Records, Scene, SurfaceShadow};
+use airlight::scene::{
+    AllEstimate, EnvironmentEstimate, Estimate, Film, LightsEstimate, Opacity, Path, Records, Scene, SurfaceShadow,
+};
 use airlight::stage::{Relight, RelightParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
@@ -93,7 +95,7 @@ pub(crate) fn cases() -> Vec<Case> {
     ]
 }
 
-/// A small picture that runs every stage.
+/// A small picture that runs every stage but `path`, which brings all light by itself.
 fn scene() -> Scene {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.environment = Some(sky());
@@ -107,6 +109,17 @@ fn scene() -> Scene {
     scene.estimate.lights = Some(LightsEstimate::Opacity(Opacity { cells: 6, surface_shadow, ..Opacity::default() }));
     scene.surfaces = Some(Arc::new(room()));
     scene.quality.temporal = true;
+    scene
+}
+
+/// One that runs a stage.
+fn running(stage: &str) -> Scene {
+    let mut scene = scene();
+    if stage == "path" {
+        let path = Path { samples: 2, ..Path::default() };
+        scene.estimate = Estimate { environment: None, lights: None, all: Some(AllEstimate::Path(path)) };
+        scene.quality.temporal = false;
+    }
     scene
 }
 
@@ -353,7 +366,7 @@ fn failing(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Fail)));
         for _ in 0..2 {
-            let (stage, error) = fault(record, renderer.render(&scene()))?;
+            let (stage, error) = fault(record, renderer.render(&running(broken)))?;
             check!(stage == broken && matches!(error, DeviceError::Backend(_)), "{stage}: {error:?}");
         }
         Ok(())
@@ -366,7 +379,7 @@ fn slow(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Slow(by))));
         renderer.executor().set_patience(Some(patience));
-        let (stage, error) = fault(record, renderer.render(&scene()))?;
+        let (stage, error) = fault(record, renderer.render(&running(broken)))?;
         check!(stage == broken && error == DeviceError::Timeout { stage: broken, patience }, "{stage}: {error:?}");
         Ok(())
     })

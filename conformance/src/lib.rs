@@ -32,6 +32,7 @@ mod fixtures;
 mod frames;
 mod keys;
 mod limits;
+mod paths;
 pub mod pictures;
 mod record;
 mod report;
@@ -138,6 +139,7 @@ pub fn cases() -> Vec<Case> {
         frames::cases(),
         estimators::cases(),
         suns::cases(),
+        paths::cases(),
         keys::cases(),
         sequences::cases(),
         pictures::cases(),

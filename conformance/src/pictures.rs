@@ -26,13 +26,13 @@ const SIDE: u32 = 72;
 
 /// What the reference scene is made of.
 #[derive(Clone)]
-struct Parts {
+pub(crate) struct Parts {
     medium: Arc<GridMedium>,
-    environment: Environment,
+    pub(crate) environment: Environment,
 }
 
 /// Read once: its media and environments then keep their versions.
-fn parts() -> Result<Parts, Failed> {
+pub(crate) fn parts() -> Result<Parts, Failed> {
     static PARTS: OnceLock<Result<Parts, String>> = OnceLock::new();
     let load = || -> Result<Parts, Failed> {
         let File { path, bytes } = truth::file("density.nrrd")?;
@@ -221,7 +221,7 @@ fn beside_lamp(i: usize) -> bool {
 }
 
 /// RGB and alpha of a picture of the reference set.
-fn truth(name: &str) -> Result<Vec<[f32; 4]>, Failed> {
+pub(crate) fn truth(name: &str) -> Result<Vec<[f32; 4]>, Failed> {
     let (image, alpha) = truth::picture(&format!("images/{name}"))?;
     check!((image.width, image.height) == (160, 120), "{name} has {} × {} pixels", image.width, image.height);
     let alpha = alpha.ok_or_else(|| Failed::from(format!("{name} has no channel A")))?;
@@ -236,7 +236,7 @@ pub fn pictures() -> Vec<Picture> {
     all
 }
 
-fn chromatic(scene: &mut Scene) {
+pub(crate) fn chromatic(scene: &mut Scene) {
     scene.optics.extinction = Vec3::new(24.0, 16.0, 9.0);
 }
 
@@ -269,7 +269,7 @@ fn unlit() -> Vec<Picture> {
     ]
 }
 
-fn sun() -> Light {
+pub(crate) fn sun() -> Light {
     Light::directional(DVec3::new(0.5, 0.8, -0.35), Vec3::new(3.0, 2.6, 2.0)).expect("the reference's sun")
 }
 
@@ -277,7 +277,7 @@ fn lamp() -> Light {
     Light::point(DVec3::new(0.3, 0.55, 0.1), Vec3::new(0.6, 0.7, 1.0)).expect("the reference's lamp")
 }
 
-fn spot() -> Light {
+pub(crate) fn spot() -> Light {
     let (from, to) = (DVec3::new(-0.9, 1.1, 0.6), DVec3::new(0.1, 0.3, 0.0));
     Light::spot(from, to, Vec3::splat(4.0), 15.0, 20.0).expect("the reference's spot")
 }

@@ -49,6 +49,12 @@ tolerances! {
          a whole number of steps to the last digit may take one step more in f32, which moves its samples and costs \
          one pixel the error of the quadrature itself, a few thousandths on the coarse grids here." }
 
+    /// Paths that take the same decisions as their twins.
+    PATHS { 2e-4, 1e-2,
+        "Places are good to 2⁻²³ of some ten voxels and of some metres. A scattering turns what is off in a direction into a \
+         place, a density and a cosine: of up to two scatterings and a light beside them 10⁻⁵ is left, more on a glossy wall and \
+         where a light falls off. What parts by more than 5·10⁻⁴ counts as another path." }
+
     /// Where rays meet triangles.
     HITS { 1e-5, 1e-4,
         "Places of corners and of the eye, good to 2⁻²⁴ of some metres, a dot product of three terms, and a quotient of \

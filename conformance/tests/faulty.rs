@@ -44,6 +44,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     const FLOOR: &str = "surfaces::floor_under_a_lamp_in_fog";
     const FRAMES: &str = "frames::as_the_processor";
     const SEQUENCES: &str = "sequence::as_the_processor";
+    const PATHS: &str = "paths::what_leaves_and_what_is_absorbed";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -64,6 +65,7 @@ fn proof(choice: &str) -> Vec<Trial> {
             "trace" | "shade" => FLOOR,
             "shadow" => FRAMES,
             "accumulate" | "upsample" => SEQUENCES,
+            "path" => PATHS,
             _ => PICTURES,
         };
         for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {
@@ -78,7 +80,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     }
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SEQUENCES];
+        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SEQUENCES, PATHS];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }

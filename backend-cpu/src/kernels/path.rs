@@ -147,18 +147,22 @@ fn path(inputs: &Inputs<'_>, pixel: u32, sums: &mut Sums, record: &mut PathRecor
     let mut on = kept(p, record);
     let mut numbers = draws(pixel, light[3] as u32, p.frame, record.count[1]);
     for _ in 0..p.turns {
+        let mut sets_out = true;
         if way.mode == path_mode::IDLE {
             if light[3] >= p.samples as f32 {
                 break;
             }
             numbers = draws(pixel, light[3] as u32, p.frame, 0);
             way = begin(inputs, pixel, &mut numbers);
-            on = walk(p, way.place, way.direction, limit(inputs, &way, pixel));
+            meet(inputs, &mut way);
         } else if way.mode == path_mode::DEPART {
-            depart(inputs, &mut way);
-            on = walk(p, way.place, way.direction, way.surface);
-        } else if turn(inputs, pixel, &mut way, &mut on, &mut numbers) {
-            scatter(inputs, &mut way, &mut on, &mut numbers);
+            (way.direction, way.mode) = (way.next, path_mode::FLIGHT);
+            meet(inputs, &mut way);
+        } else {
+            sets_out = turn(inputs, pixel, &mut way, &mut on, &mut numbers) && scatter(inputs, &mut way, &mut numbers);
+        }
+        if sets_out {
+            on = walk(p, way.place, way.direction, limit(inputs, &way, pixel));
         }
         if way.mode == path_mode::IDLE {
             let l = way.light;
@@ -230,7 +234,7 @@ fn begin(inputs: &Inputs<'_>, pixel: u32, numbers: &mut Draws) -> Way {
     let axis = |v: [f32; 4]| Vec3::new(v[0], v[1], v[2]);
     let toward = a * axis(p.right) + b * axis(p.up) + axis(p.forward);
     let direction = toward / toward.dot(toward).sqrt();
-    let mut way = Way {
+    Way {
         mode: path_mode::VIEW,
         place: Vec3::ZERO,
         direction,
@@ -248,9 +252,7 @@ fn begin(inputs: &Inputs<'_>, pixel: u32, numbers: &mut Draws) -> Way {
         surface: FAR,
         depth: 0,
         triangle: 0,
-    };
-    meet(inputs, &mut way);
-    way
+    }
 }
 
 /// Where the ray meets a surface.
@@ -279,16 +281,9 @@ fn behind(inputs: &Inputs<'_>, pixel: u32) -> [f32; 4] {
     if inputs.background.is_empty() { [0.0, 0.0, 0.0, FAR] } else { inputs.background[pixel as usize] }
 }
 
-/// Where the eye's ray ends.
+/// Where the ray ends; that from the eye also at what stands behind everything.
 fn limit(inputs: &Inputs<'_>, way: &Way, pixel: u32) -> f32 {
-    way.surface.min(behind(inputs, pixel)[3])
-}
-
-/// On its way along the next direction.
-fn depart(inputs: &Inputs<'_>, way: &mut Way) {
-    way.direction = way.next;
-    way.mode = path_mode::FLIGHT;
-    meet(inputs, way);
+    if way.mode == path_mode::VIEW { way.surface.min(behind(inputs, pixel)[3]) } else { way.surface }
 }
 
 /// A turn of a walk. Whether the path scatters where it now is.
@@ -399,6 +394,9 @@ fn arrive(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, numbers: &mut Draws) -
         way.mode = if way.weight == Vec3::ZERO { path_mode::IDLE } else { path_mode::DEPART };
         return false;
     }
+    let (d, mut t, mut goes_on) = (way.direction, way.surface, false);
+    // What of the environment is seen.
+    let mut share = Vec3::ZERO;
     if way.mode == path_mode::VIEW {
         way.through = way.ratio;
         let back = behind(inputs, pixel);
@@ -407,30 +405,27 @@ fn arrive(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, numbers: &mut Draws) -
         } else if back[3] < FAR {
             way.light += way.ratio * Vec3::new(back[0], back[1], back[2]);
         } else if p.visible == 1 {
-            way.light += way.ratio * surroundings(inputs, way.direction);
+            share = way.ratio;
         }
-        if way.total == 0.0 {
-            way.mode = path_mode::IDLE;
-            return false;
-        }
+        goes_on = way.total > 0.0;
         way.weight *= way.total;
         if way.chosen >= 0.0 {
-            way.surface = FAR;
+            (t, way.surface) = (way.chosen, FAR);
         }
-        let t = if way.chosen < 0.0 { way.surface } else { way.chosen };
-        way.place += t * way.direction;
-        return true;
+    } else if way.surface < FAR {
+        goes_on = way.depth < p.max_depth;
+    } else {
+        share = way.weight * share_of_scattering(inputs, d, way.density);
     }
-    if way.surface < FAR && way.depth < p.max_depth {
-        way.place += way.surface * way.direction;
-        return true;
+    if share != Vec3::ZERO {
+        way.light += share * surroundings(inputs, d);
     }
-    way.mode = path_mode::IDLE;
-    if way.surface == FAR {
-        way.light +=
-            way.weight * surroundings(inputs, way.direction) * share_of_scattering(inputs, way.direction, way.density);
+    if goes_on {
+        way.place += t * d;
+    } else {
+        way.mode = path_mode::IDLE;
     }
-    false
+    goes_on
 }
 
 /// The environment's radiance; none without one.
@@ -480,8 +475,8 @@ fn toward_sky(inputs: &Inputs<'_>, numbers: &mut Draws) -> Vec3 {
     Vec3::new(planar * s, y, -planar * c)
 }
 
-/// Looks at a light, and draws where the path goes on.
-fn scatter(inputs: &Inputs<'_>, way: &mut Way, on: &mut Walk, numbers: &mut Draws) {
+/// Draws where the path goes on, and looks at a light before; whether there is one to look at.
+fn scatter(inputs: &Inputs<'_>, way: &mut Way, numbers: &mut Draws) -> bool {
     let p = inputs.p;
     way.depth += 1;
     let spot = spot(inputs, way);
@@ -491,9 +486,9 @@ fn scatter(inputs: &Inputs<'_>, way: &mut Way, on: &mut Walk, numbers: &mut Draw
     let looks = look(inputs, way, &spot, numbers);
     onward(inputs, way, &spot, from, numbers);
     if looks {
-        // The walk toward the light begins here; what comes after it is kept.
-        (*on, way.mode) = (walk(p, way.place, way.direction, way.surface), path_mode::SHADOW);
+        way.mode = path_mode::SHADOW;
     }
+    looks
 }
 
 /// What the path scatters at.

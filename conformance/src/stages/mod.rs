@@ -4,6 +4,7 @@ mod accumulate;
 mod inject;
 mod march;
 mod march_cases;
+mod path;
 mod project;
 mod propagate;
 mod reduce;
@@ -31,6 +32,7 @@ pub(crate) fn cases() -> Vec<Case> {
         shadow::cases(),
         upsample::cases(),
         accumulate::cases(),
+        path::cases(),
     ];
     all.into_iter().flatten().collect()
 }

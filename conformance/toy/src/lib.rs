@@ -9,8 +9,8 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, AccumulateInputs, InjectInputs, MarchInputs, ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs,
-    ShadeInputs, ShadowInputs, TraceInputs, UpsampleInputs,
+    self, AccumulateInputs, InjectInputs, MarchInputs, PathInputs, ProjectInputs, PropagateInputs, ReduceInputs,
+    RelightInputs, ShadeInputs, ShadowInputs, TraceInputs, UpsampleInputs,
 };
 use airlight_core::stage::{Inject, March, Stage};
 use bytemuck::Pod;
@@ -277,6 +277,24 @@ impl Toy {
                 let (next, mean) = reference::accumulate(&s.params, &inputs);
                 vec![("next", next), ("mean", mean)]
             }
+            Stage::Path(s) => {
+                let lights = s.lights.map(|b| self.records(b)).unwrap_or_default();
+                let mesh = s.mesh.map(|b| self.records(b)).unwrap_or_default();
+                let inputs = PathInputs {
+                    density: self.field(s.density),
+                    scattering: s.scattering.map(|f| self.field(f)),
+                    emission: s.emission.map(|f| self.field(f)),
+                    emission_color: s.emission_color.map(|f| self.field(f)),
+                    environment: s.environment.map(|f| self.field(f)),
+                    majorant: self.buffer(s.majorant),
+                    lights: &lights,
+                    tables: self.buffer(s.tables),
+                    mesh: &mesh,
+                    background: s.background.map(|b| self.buffer(b)),
+                };
+                let (sums, paths, film) = reference::path(&s.params, &inputs);
+                vec![("sums", sums), ("paths", paths), ("film", film)]
+            }
         }
     }
 
@@ -316,14 +334,15 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
             let [i, j, k] = [word % x, word / x % y, word / x / y].map(|at| at / Inject::BRICK);
             (k * y.div_ceil(Inject::BRICK) + j) * x.div_ceil(Inject::BRICK) + i
         }
-        // Cells, texels or sub-pixel positions, each with a part of its own or an even share of its group's.
+        // Cells, texels, pixels or sub-pixel positions, each with a part of its own or an even share of its group's.
         Stage::Reduce(_)
         | Stage::Project(_)
         | Stage::Relight(_)
         | Stage::Propagate(_)
         | Stage::Trace(_)
         | Stage::Shade(_)
-        | Stage::Shadow(_) => {
+        | Stage::Shadow(_)
+        | Stage::Path(_) => {
             let part = output.part.unwrap_or(u64::MAX) / 4 / u64::from(stage.group());
             (word as u64 / part) as u32
         }

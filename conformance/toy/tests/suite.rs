@@ -4,7 +4,7 @@ use airlight_conformance::{Subject, cases, trials};
 use libtest_mimic::{Arguments, Trial};
 
 /// Groups of cases that take minutes in f64 without a thought for speed.
-const SLOW: [&str; 6] = ["columns", "limits", "frames", "estimators", "pictures", "sequence"];
+const SLOW: [&str; 7] = ["columns", "limits", "frames", "estimators", "paths", "pictures", "sequence"];
 
 fn main() {
     let toy = Subject::new("toy", || airlight::open_among(&[airlight_toy::PROVIDER], "toy").map_err(|e| e.to_string()));

@@ -491,3 +491,83 @@ fn around(d: DVec3, c: f64, turn: f64) -> DVec3 {
     let planar = (1.0 - c * c).max(0.0).sqrt();
     (planar * (cos * u + sin * v) + c * d).normalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::light::Environment;
+    use crate::media::Phase;
+    use crate::stage::PathTables;
+
+    /// One voxel of 2 m around (0, 0, -3), seen by 16 × 16 pixels from the origin.
+    fn params(extinction: f32, albedo: f32, samples: u32) -> PathParams {
+        let mut p = PathParams::zeroed();
+        (p.dims, p.majorant_cells) = ([1, 1, 1, 0], [1, 1, 1, 8]);
+        let row = |a: usize| [0, 1, 2, 3].map(|i| if i == a { 0.5 } else { 0.0 });
+        [p.index_x, p.index_y, p.index_z] = [row(0), row(1), row(2)];
+        p.eye = [0.0, 0.0, 1.5, 0.0];
+        (p.forward, p.right, p.up) = ([0.0, 0.0, -1.0, 0.0], [0.3, 0.0, 0.0, 0.0], [0.0, 0.3, 0.0, 0.0]);
+        (p.extinction, p.albedo, p.densest) = ([extinction; 4], [albedo; 4], extinction);
+        (p.width, p.height, p.samples, p.max_depth, p.light_floor) = (16, 16, samples, u32::MAX, 1e-6);
+        p
+    }
+
+    /// Means of radiance and alpha.
+    fn mean(p: &PathParams, inputs: &PathInputs<'_>) -> [f64; 2] {
+        let (_, _, film) = path(p, inputs);
+        let pixels = film.chunks_exact(8);
+        let n = pixels.len() as f64;
+        pixels.fold([0.0; 2], |sum, v| [sum[0] + v[0] / n, sum[1] + v[3] / n])
+    }
+
+    fn inputs<'a>(tables: &'a [f32], lights: &'a [LightRecord]) -> PathInputs<'a> {
+        PathInputs {
+            density: &[1.0],
+            scattering: None,
+            emission: None,
+            emission_color: None,
+            environment: None,
+            // Twice the density, so that half of the collisions are none.
+            majorant: &[[1.0, 2.0]],
+            lights,
+            tables,
+            mesh: &[],
+            background: None,
+        }
+    }
+
+    #[test]
+    fn a_furnace_is_white() {
+        let sky = Environment::uniform(glam::Vec3::ONE).unwrap();
+        let phase = Phase::HenyeyGreenstein { g: 0.5 };
+        let tables = PathTables { phase: &phase, chances: vec![1.0], materials: vec![], environment: Some(&sky) };
+        let mut p = params(1.5, 1.0, 40);
+        tables.place(&mut p);
+        (p.visible, p.environment, p.environment_width, p.environment_height) = (1, [1.0, 1.0, 1.0, 0.0], 1, 1);
+        let values = tables.values();
+        let [radiance, _] = mean(&p, &PathInputs { environment: Some(&[[1.0; 4]]), ..inputs(&values, &[]) });
+        // Ten thousand paths, whose radiance differs by less than one.
+        assert!((radiance - 1.0).abs() < 0.03, "{radiance}");
+    }
+
+    /// Thin, so that what is scattered twice and what is stopped on the way count for little.
+    #[test]
+    fn a_thin_box_scatters_phase_times_irradiance_times_depth() {
+        let tables = PathTables { phase: &Phase::Rayleigh, chances: vec![1.0], materials: vec![], environment: None };
+        let mut p = params(1e-3, 0.8, 20);
+        tables.place(&mut p);
+        (p.lights, p.choices) = (1, 1);
+        let mut light = LightRecord::zeroed();
+        (light.position, light.power) = ([0.0, 1.0, 0.0, 0.0], [2.0; 4]);
+        let values = tables.values();
+        // A rate far above the density, so that many collisions count a little each.
+        let [radiance, alpha] = mean(&p, &PathInputs { majorant: &[[1.0, 400.0]], ..inputs(&values, &[light]) });
+        // Seen at about a right angle to the light.
+        let expected = 3.0 / (16.0 * PI) * 2.0 * 0.8 * alpha;
+        assert!((radiance / expected - 1.0).abs() < 0.05 && alpha > 1e-3, "{radiance} {expected} {alpha}");
+        // Two metres across, or a little less than three along the slanted rays.
+        assert!((alpha / 2e-3 - 1.0).abs() < 0.1, "{alpha}");
+    }
+}
