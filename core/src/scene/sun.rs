@@ -88,17 +88,12 @@ impl Scene {
     /// phase function; with `phase` whichever gains more. It does not depend on where the sun stands, so that it does not
     /// change while the environment turns.
     pub fn sun(&self) -> Option<Extraction> {
-        let Some(EnvironmentEstimate::Records(records)) = &self.estimate.environment else { return None };
-        let environment = self.environment.as_ref()?;
+        let (records, environment) = (self.records()?, self.environment.as_ref()?);
         let split = environment.split()?;
-        let (taken, reason) = match records.extract_sun {
-            ExtractSun::Always => (true, Reason::Asked),
-            ExtractSun::Never => (false, Reason::Refused),
-            ExtractSun::Auto if !self.estimate.lights.as_ref().is_some_and(LightsEstimate::shadows) => {
-                (false, Reason::Shadow)
-            }
-            ExtractSun::Auto if records.cuts_nothing(&self.optics.phase) => (false, Reason::Whole),
-            ExtractSun::Auto => {
+        let (taken, reason) = match (self.leaves(records), records.extract_sun) {
+            (Some(reason), _) => (false, reason),
+            (None, ExtractSun::Always) => (true, Reason::Asked),
+            (None, _) => {
                 let cost = records.cost(environment, &self.optics.phase)?;
                 let gain = cost.whole - cost.split >= Extraction::GAIN;
                 (gain, if gain { Reason::Gain(cost) } else { Reason::NoGain(cost) })
@@ -109,14 +104,34 @@ impl Scene {
 
     /// The scene as estimators light it: where the sun is taken out, with the rest of the environment and one more light.
     pub fn lit(&self) -> Cow<'_, Self> {
-        let Some(Extraction { split: Split { sun, rest }, taken: true, .. }) = self.sun() else {
-            return Cow::Borrowed(self);
+        let taken = || {
+            // Most scenes are spared the search.
+            let none = self.leaves(self.records()?).is_some();
+            let Extraction { split: Split { sun, rest }, taken: true, .. } = (!none).then(|| self.sun())?? else {
+                return None;
+            };
+            let light = Light::directional(sun.to_light, sun.irradiance.as_vec3()).ok()?;
+            let mut scene = self.clone();
+            scene.environment = Some(rest);
+            scene.lights.push(light);
+            Some(scene)
         };
-        let Ok(light) = Light::directional(sun.to_light, sun.irradiance.as_vec3()) else { return Cow::Borrowed(self) };
-        let mut scene = self.clone();
-        scene.environment = Some(rest);
-        scene.lights.push(light);
-        Cow::Owned(scene)
+        taken().map_or(Cow::Borrowed(self), Cow::Owned)
+    }
+
+    fn records(&self) -> Option<&Records> {
+        self.estimate.environment.as_ref().map(|EnvironmentEstimate::Records(records)| records)
+    }
+
+    /// Why the sun stays in the environment, whatever it is.
+    fn leaves(&self, records: &Records) -> Option<Reason> {
+        let shadows = self.estimate.lights.as_ref().is_some_and(LightsEstimate::shadows);
+        match records.extract_sun {
+            ExtractSun::Never => Some(Reason::Refused),
+            ExtractSun::Auto if !shadows => Some(Reason::Shadow),
+            ExtractSun::Auto if records.cuts_nothing(&self.optics.phase) => Some(Reason::Whole),
+            ExtractSun::Auto | ExtractSun::Always => None,
+        }
     }
 
     /// How often the light that records make of the environment (without its sun where that is taken out) is below zero;
@@ -126,7 +141,7 @@ impl Scene {
     /// scatters, for all directions of view.
     pub fn negative(&self) -> Option<Negative> {
         let scene = self.lit();
-        let Some(EnvironmentEstimate::Records(records)) = &scene.estimate.environment else { return None };
+        let records = scene.records()?;
         let basis = SphericalHarmonics::new(records.bands_of(&scene.optics.phase)).ok()?;
         let beta = match records.content {
             Content::Radiance => scene.optics.phase.moments(basis.bands()),
