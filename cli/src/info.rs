@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use airlight::basis::window::{DIRECTIONS, Ringing};
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light, Split};
 use airlight::media::{Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
@@ -261,8 +262,9 @@ fn environment_of(scene: &Scene, environment: &Environment) -> Value {
         sun.insert("why".into(), json!(reason.to_string()));
         sun.insert("cost".into(), json!(cost));
     }
-    value["negative"] = json!(scene.negative().map(|Negative { directions, plain, windowed }| {
-        json!({ "directions": directions, "without_window": plain, "with_window": windowed })
+    let ringing = |r: Ringing| json!({ "directions": r.negative, "depth": number(r.depth) });
+    value["negative"] = json!(scene.negative().map(|Negative { plain, windowed }| {
+        json!({ "of": DIRECTIONS, "without_window": ringing(plain), "with_window": ringing(windowed) })
     }));
     value
 }

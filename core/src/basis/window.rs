@@ -22,10 +22,10 @@ pub enum Window {
     Lanczos,
 }
 
-/// n of the 12·n² directions in which [`negative`] looks: 3.7° apart, where the highest band that devices know swings every 18°.
+/// n of the 12·n² directions in which [`ringing`] looks: 3.7° apart, where the highest band that devices know swings every 18°.
 const NSIDE: u32 = 16;
 
-/// How many directions [`negative`] looks in.
+/// How many directions [`ringing`] looks in.
 pub const DIRECTIONS: usize = healpix::count(NSIDE);
 
 impl Window {
@@ -45,17 +45,30 @@ impl Window {
     }
 }
 
-/// In how many of [`DIRECTIONS`] directions, spread evenly over the sphere, any channel of the function with these
-/// coefficients (RGB, bands² of them) is below zero by more than rounding.
-pub fn negative(basis: &SphericalHarmonics, coefficients: &[[f64; 3]]) -> usize {
+/// How far a function falls below zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ringing {
+    /// Of [`DIRECTIONS`] directions, spread evenly over the sphere, those where a channel is below zero by more than rounding.
+    pub negative: usize,
+    /// The lowest value below zero as a share of the largest of its channel, the worst channel's; 0 where there is none.
+    pub depth: f64,
+}
+
+/// How far the function with these coefficients (RGB, bands² of them) falls below zero.
+pub fn ringing(basis: &SphericalHarmonics, coefficients: &[[f64; 3]]) -> Ringing {
     let mut values = vec![0.0; basis.count()];
-    let least = -1e-12 * coefficients.as_flattened().iter().fold(0.0, |m: f64, c| m.max(c.abs()));
-    let below = |d| {
+    let rounding = -1e-12 * coefficients.as_flattened().iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+    let (mut negative, mut least, mut most) = (0, [0.0f64; 3], [0.0f64; 3]);
+    for d in healpix::directions(NSIDE) {
         basis.eval(d, &mut values);
-        let sum = |c: usize| coefficients.iter().zip(&values).map(|(f, y)| f[c] * y).sum::<f64>();
-        (0..3).any(|c| sum(c) < least)
-    };
-    healpix::directions(NSIDE).into_iter().map(below).filter(|&below| below).count()
+        let rgb = [0, 1, 2].map(|c| coefficients.iter().zip(&values).map(|(f, y)| f[c] * y).sum::<f64>());
+        negative += usize::from(rgb.iter().any(|&v| v < rounding));
+        for c in 0..3 {
+            (least[c], most[c]) = (least[c].min(rgb[c]), most[c].max(rgb[c]));
+        }
+    }
+    let depth = |c: usize| if least[c] < rounding { -least[c] / most[c] } else { 0.0 };
+    Ringing { negative, depth: (0..3).map(depth).fold(0.0, f64::max) }
 }
 
 #[cfg(test)]
@@ -86,22 +99,32 @@ mod tests {
         let basis = SphericalHarmonics::new(bands).unwrap();
         let mut values = vec![0.0; basis.count()];
         basis.eval(toward, &mut values);
-        let count = |window: Window| {
+        let ringing = |window: Window| {
             let light: Vec<_> =
                 values.iter().zip(window.factors(bands)).map(|(v, f)| [v * f, 0.0, 2.0 * v * f]).collect();
-            negative(&basis, &light)
+            super::ringing(&basis, &light)
         };
-        // Σ (2l+1) P_l(c), l < 4, is 35c³/2 + 15c²/2 - 15c/2 - 3/2: negative between two of its roots and below the third,
-        // so for a share of the sphere that is half their distances.
-        let polynomial = |c: f64| ((17.5 * c + 7.5) * c - 7.5) * c - 1.5;
-        let steps = 200_000;
-        let share =
-            (0..steps).filter(|i| polynomial(-1.0 + 2.0 * (f64::from(*i) + 0.5) / f64::from(steps)) < 0.0).count();
-        let expected = share as f64 / f64::from(steps) * DIRECTIONS as f64;
-        // Pixels along the two or three circles where it changes its sign: some hundred of 3072, half of them either way.
-        assert!((count(Window::None) as f64 - expected).abs() < 0.01 * DIRECTIONS as f64, "{expected}");
-        assert!(count(Window::Lanczos) < count(Window::None));
-        assert!(count(Window::Hanning) < count(Window::Lanczos));
-        assert_eq!(negative(&basis, &[[1.0; 3]]), 0);
+        let [plain, hanning, lanczos] = [Window::None, Window::Hanning, Window::Lanczos].map(ringing);
+        // Σ (2l+1) f_l P_l(c), l < 4, for each window's factors: its share below zero, and how deep it goes.
+        for (found, factors) in [
+            (plain, [1.0; 4]),
+            (hanning, [1.0, 0.853_553_390_593_273_8, 0.5, 0.146_446_609_406_726_2]),
+            (lanczos, [1.0, 0.900_316_316_157_106, 0.636_619_772_367_581_4, 0.300_105_438_719_035_3]),
+        ] {
+            let steps = 200_000;
+            let series = |i: u32| {
+                let c = -1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(steps);
+                let terms = crate::media::legendre(c).zip(factors).enumerate();
+                terms.map(|(l, (p, f))| (2.0 * l as f64 + 1.0) * f * p).sum::<f64>()
+            };
+            let share = (0..steps).filter(|&i| series(i) < 0.0).count() as f64 / f64::from(steps);
+            let extremes = (0..steps).map(series).fold((0.0f64, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
+            // Pixels along the two or three circles where it changes its sign: some hundred of 3072, half of them either way.
+            assert!((found.negative as f64 / DIRECTIONS as f64 - share).abs() < 0.02, "{found:?} {share}");
+            // The extremes lie up to half of 3.7° from a pixel's centre, where the highest band swings every 90°.
+            assert!((found.depth / (-extremes.0 / extremes.1) - 1.0).abs() < 0.05, "{found:?} {extremes:?}");
+        }
+        assert!(hanning.depth < lanczos.depth && lanczos.depth < 0.5 * plain.depth);
+        assert_eq!(super::ringing(&basis, &[[1.0; 3]]), Ringing { negative: 0, depth: 0.0 });
     }
 }

@@ -4,7 +4,8 @@ use std::borrow::Cow;
 use std::fmt;
 
 use super::{Content, EnvironmentEstimate, ExtractSun, LightsEstimate, Records, Scene, Scheme, Shadow};
-use crate::basis::{SphericalHarmonics, Window, window};
+use crate::basis::window::{Ringing, ringing};
+use crate::basis::{SphericalHarmonics, Window};
 use crate::light::{Cost, Environment, Light, Split, half_space};
 use crate::media::Phase;
 
@@ -63,15 +64,13 @@ impl fmt::Display for Reason {
     }
 }
 
-/// How often the light that records make of an environment is below zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How far the light that records make of an environment falls below zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Negative {
-    /// Directions that were looked in, spread evenly over the sphere.
-    pub directions: usize,
-    /// Those with a negative channel, without a window.
-    pub plain: usize,
-    /// Those with the scene's window.
-    pub windowed: usize,
+    /// Without a window.
+    pub plain: Ringing,
+    /// With the scene's window.
+    pub windowed: Ringing,
 }
 
 impl Extraction {
@@ -134,7 +133,7 @@ impl Scene {
         }
     }
 
-    /// How often the light that records make of the environment (without its sun where that is taken out) is below zero;
+    /// How far the light that records make of the environment (without its sun where that is taken out) falls below zero;
     /// none without records or environment.
     ///
     /// With `transmittance` and `phase` it is the truncated environment; with `radiance` what an unshadowed point
@@ -150,11 +149,7 @@ impl Scene {
         let light: Vec<[f64; 3]> = scene.environment.as_ref()?.project_sh(&basis);
         let light: Vec<_> = light.iter().enumerate().map(|(k, c)| c.map(|v| v * beta[k.isqrt()])).collect();
         let windowed = light.iter().zip(records.window_factors(&scene.optics.phase)).map(|(c, f)| c.map(|v| v * f));
-        Some(Negative {
-            directions: window::DIRECTIONS,
-            plain: window::negative(&basis, &light),
-            windowed: window::negative(&basis, &windowed.collect::<Vec<_>>()),
-        })
+        Some(Negative { plain: ringing(&basis, &light), windowed: ringing(&basis, &windowed.collect::<Vec<_>>()) })
     }
 }
 
@@ -290,19 +285,19 @@ mod tests {
     }
 
     #[test]
-    fn windows_and_a_sun_taken_out_leave_fewer_negative_directions() {
-        let count = |extract_sun: ExtractSun, window: Window| {
+    fn windows_and_a_sun_taken_out_leave_less_below_zero() {
+        let negative = |extract_sun: ExtractSun, window: Window| {
             let mut scene = scene(Content::Transmittance, Phase::Isotropic);
             (records(&mut scene).extract_sun, records(&mut scene).window) = (extract_sun, window);
             scene.negative().unwrap()
         };
-        let plain = count(ExtractSun::Never, Window::None);
-        assert!(plain.plain == plain.windowed && plain.plain > 0, "{plain:?}");
+        let plain = negative(ExtractSun::Never, Window::None);
+        assert!(plain.plain == plain.windowed && plain.plain.negative > 0, "{plain:?}");
         for window in [Window::Hanning, Window::Lanczos] {
-            let faded = count(ExtractSun::Never, window);
-            assert!(faded.plain == plain.plain && faded.windowed < plain.plain, "{faded:?}");
+            let faded = negative(ExtractSun::Never, window);
+            assert!(faded.plain == plain.plain && faded.windowed.depth < 0.5 * plain.plain.depth, "{faded:?}");
         }
-        assert_eq!(count(ExtractSun::Always, Window::None).plain, 0, "an even sky does not ring");
+        assert_eq!(negative(ExtractSun::Always, Window::None).plain.negative, 0, "an even sky does not ring");
         let mut isotropic = scene(Content::Radiance, Phase::Isotropic);
         records(&mut isotropic).window = Window::Hanning;
         assert!(records(&mut isotropic).window_factors(&Phase::Isotropic).eq([1.0]), "nothing is cut off");
