@@ -156,13 +156,17 @@ fn lit_alike(mut scene: Scene) -> Scene {
     scene
 }
 
-/// The scene as its truth is rendered: by path tracing, of as many orders as the scene's own estimators bring.
-fn truth(scene: &Scene, options: &Options) -> Scene {
-    let max_depth = match &scene.estimate.all {
+/// The orders of scattering that the scene's own estimators bring; none where they bring all.
+fn orders(scene: &Scene) -> Option<u32> {
+    match &scene.estimate.all {
         Some(AllEstimate::Path(path)) => path.max_depth,
         None => Some(1),
-    };
-    let path = Path { samples: options.samples, max_depth, time_limit: options.time_limit, noise: None };
+    }
+}
+
+/// The scene as its truth is rendered: by path tracing, of as many orders as the scene's own estimators bring.
+fn truth(scene: &Scene, options: &Options) -> Scene {
+    let path = Path { samples: options.samples, max_depth: orders(scene), time_limit: options.time_limit, noise: None };
     let estimate = Estimate { environment: None, lights: None, all: Some(AllEstimate::Path(path)) };
     let quality = Quality { scale: 1, temporal: false, ..scene.quality };
     Scene { estimate, quality, ..scene.clone() }
@@ -356,19 +360,12 @@ struct Told<'a> {
 }
 
 impl Told<'_> {
-    fn max_depth(&self) -> Option<u32> {
-        match &self.truth.estimate.all {
-            Some(AllEstimate::Path(path)) => path.max_depth,
-            None => None,
-        }
-    }
-
     fn truth_values(&self) -> Value {
         let paths = self.expected.report.paths;
         json!({
             "estimator": "path",
             "device": self.device.id(),
-            "max_depth": self.max_depth(),
+            "max_depth": orders(self.truth),
             "samples": paths.map(|p| p.samples),
             "noise": paths.map(|p| number(p.noise)),
             "seconds": self.seconds.as_secs_f64(),
@@ -376,7 +373,7 @@ impl Told<'_> {
     }
 
     fn truth_in_words(&self) -> String {
-        let orders = self.max_depth().map_or("all orders".to_owned(), |n| match n {
+        let orders = orders(self.truth).map_or("all orders".to_owned(), |n| match n {
             1 => "single scattering".into(),
             n => format!("{n} orders"),
         });
