@@ -542,8 +542,9 @@ bool look(const Bound *bound, Way *way, const Spot *at, Draws *numbers) {
 void onward(const Bound *bound, Way *way, const Spot *at, float3 origin, Draws *numbers) {
     way->mode = PATH_DEPART;
     float3 e = bound->params->emission.xyz;
-    bool shines = e.x + e.y + e.z > 0.0f;
-    if (way->depth >= bound->params->max_depth && !has_environment && !shines) {
+    // Whether anything is seen behind the last scattering.
+    bool seen = has_environment ? true : e.x + e.y + e.z > 0.0f;
+    if (way->depth >= bound->params->max_depth && !seen) {
         way->weight = (float3)(0.0f);
     } else {
         if (!at->surface) {

@@ -156,8 +156,8 @@ fn reference() -> Vec<Reference> {
         scene.optics.phase = Phase::HenyeyGreenstein { g };
         Ok(scene)
     }
-    let multi = |name, file, noise, scene| Reference { name, file, noise, samples: 1, max_depth: None, scene };
-    let single = |name, file, noise, scene| Reference { name, file, noise, samples: 1, max_depth: Some(1), scene };
+    let multi = |name, file, noise, scene| Reference { name, file, noise, samples: 2, max_depth: None, scene };
+    let single = |name, file, noise, scene| Reference { name, file, noise, samples: 2, max_depth: Some(1), scene };
     vec![
         single("directional_single_chromatic", "dir_single_chromatic.exr", 0.0, || {
             let mut scene = lit(sun())?;
@@ -201,9 +201,9 @@ impl Reference {
     }
 }
 
-/// Optical depths of the box's longest side.
-fn depths() -> Axis<f32> {
-    Axis::new("depth", [("thin", 0.4f32), ("thick", 14.0)])
+/// Optical depths of the box's longest side, and the samples that each needs.
+fn depths() -> Axis<(f32, u32)> {
+    Axis::new("depth", [("thin", (0.4f32, 4)), ("thick", (14.0, 20))])
 }
 
 fn phases() -> Axis<Phase> {
@@ -270,10 +270,10 @@ fn ones(record: &mut Record, name: &str, renderer: &mut Renderer, scene: &Scene)
 
 fn furnace(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut renderer = subject.renderer()?;
-    record.each(&depths(), |record, &depth| {
+    record.each(&depths(), |record, &(depth, samples)| {
         record.each(&phases(), |record, phase| {
             let optics = Optics { phase: phase.clone(), ..Optics::grey(depth / 0.9, 1.0) };
-            ones(record, "radiance", &mut renderer, &traced(fog(optics)?, 4, None))
+            ones(record, "radiance", &mut renderer, &traced(fog(optics)?, samples, None))
         })
     })
 }
@@ -286,7 +286,7 @@ fn balance(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         let albedo = Vec3::new(albedo, 0.8 * albedo, albedo);
         let phase = Phase::HenyeyGreenstein { g: 0.4 };
         let optics = Optics { extinction, albedo, emission: extinction * (Vec3::ONE - albedo), phase };
-        ones(record, "radiance", &mut renderer, &traced(fog(optics)?, 4, None))
+        ones(record, "radiance", &mut renderer, &traced(fog(optics)?, 8, None))
     })
 }
 
@@ -300,9 +300,9 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             cloud(Map::Sheared, DIMS, Optics { albedo: Vec3::ONE, ..chromatic(Phase::HenyeyGreenstein { g: 0.5 }) });
         let center = scene.medium.lattice().center();
         scene.camera =
-            Camera { origin: center + FAR * to, target: center, fov: 2.2, width: 24, height: 24, ..scene.camera };
+            Camera { origin: center + FAR * to, target: center, fov: 1.5, width: 24, height: 24, ..scene.camera };
         scene.lights = vec![Light::directional(from, Vec3::ONE)?];
-        let films = several(&mut renderer, &traced(scene, 4, None), record)?;
+        let films = several(&mut renderer, &traced(scene, 24, None), record)?;
         let rim = |film: &Film| (0..24).any(|i| film.beauty[i][3] > 0.0 || film.beauty[24 * i][3] > 0.0);
         check!(!films.iter().any(rim), "the picture cuts off a part of the cloud");
         let sums: Vec<f64> =
@@ -313,7 +313,7 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let ([there, u], [back, v]) = (sent(a, b)?, sent(b, a)?);
     check!(there > 0.0, "nothing is sent");
     let difference = (there - back).abs();
-    record.score("light sent", "difference of the two", difference / there, 1e-2);
+    record.score("light sent", "difference of the two", difference / there, 5e-2);
     record.score("light sent", "the same in standard deviations", difference / (u + v).sqrt(), 5.0);
     Ok(())
 }
@@ -322,8 +322,8 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 fn brute(scene: &Scene) -> Vec<[f32; 4]> {
     use rayon::prelude::*;
     let mut fine = scene.clone();
-    fine.camera.samples = 16;
-    let truth = BruteForce::new(&fine, &BruteSettings { rows: 16, nodes: 2 });
+    fine.camera.samples = 4;
+    let truth = BruteForce::new(&fine, &BruteSettings { rows: 12, nodes: 2 });
     let (width, pixels) = (scene.camera.width, scene.camera.width * scene.camera.height);
     (0..pixels).into_par_iter().map(|i| truth.pixel(i % width, i / width).map(|v| v as f32)).collect()
 }
@@ -336,13 +336,13 @@ fn varying(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     visible.visible = true;
     scene.environment = Some(visible);
     scene.lights = vec![Light::spot(DVec3::new(0.9, 0.8, -0.9), DVec3::ZERO, Vec3::splat(3.0), 15.0, 30.0)?];
-    (scene.camera.width, scene.camera.height) = (24, 16);
-    let flat = |pixels: &[[f32; 4]]| blocks(pixels, 24, 16).as_flattened().to_vec();
+    (scene.camera.width, scene.camera.height) = (16, 16);
+    let flat = |pixels: &[[f32; 4]]| blocks(pixels, 16, 16).as_flattened().to_vec();
     let expected = flat(&brute(&scene));
     let films = several(&mut subject.renderer()?, &traced(scene, 24, Some(1)), record)?;
     let found: Vec<_> = films.iter().map(|film| flat(&film.beauty)).collect();
     let scores = scores(&found, &expected, 2e-3);
-    // Six blocks of three channels.
+    // Four blocks of three channels.
     record.score("radiance", "root mean square of z", scores.rms, 2.0);
     record.score("radiance", "difference of the whole", (scores.ratio - 1.0).abs(), 1e-2);
     Ok(())

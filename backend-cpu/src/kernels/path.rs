@@ -608,15 +608,14 @@ fn onward(inputs: &Inputs<'_>, way: &mut Way, spot: &Spot, from: Vec3, numbers: 
         way.weight = Vec3::ZERO;
     } else {
         way.next = if spot.surface {
-            let turned = if draw(numbers) < dull(spot) {
+            if draw(numbers) < dull(spot) {
                 let c = draw(numbers).sqrt();
                 around(spot.normal, c, draw(numbers))
             } else {
                 let mirrored = from - 2.0 * from.dot(spot.normal) * spot.normal;
                 let c = (1.0 - draw(numbers)).powf(1.0 / (spot.exponent + 1.0));
                 around(mirrored, c, draw(numbers))
-            };
-            turned
+            }
         } else {
             let c = bend(&inputs.phase, &inputs.tables[p.bends_at as usize..], numbers);
             around(from, c, draw(numbers))

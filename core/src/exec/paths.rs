@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 
-use super::error::RenderError;
+use super::error::{ExecError, RenderError};
 use super::executor::{Hooks, Progress, Report};
 use super::plan::Plan;
 use super::renderer::{
     OnDevice, READ, Renderer, Surface, light_floor, plan_background, plan_occupancy, upload_medium, upload_sky,
 };
 use super::surfaces::{upload_lights, upload_mesh};
-use crate::device::{Buf, ResourceId};
+use crate::device::{Buf, DeviceError, ResourceId};
 use crate::light::Light;
 use crate::scene::{Mesh, Path as Options, Scene};
 use crate::stage::{MaterialRecord, Path, PathParams, PathTables, PhaseParams, Stage};
@@ -32,6 +32,8 @@ pub struct PathsRun {
 const LOOK: Duration = Duration::from_millis(500);
 /// The most samples between two looks.
 const MOST: u32 = 64;
+/// Calls in a row in which no path of any pixel ends, after which the device is taken not to compute.
+const PATIENCE: u32 = 1000;
 
 impl Renderer {
     /// Traces paths until there are as many as `options` asks for, or as few as it allows. Goes on from what an earlier call
@@ -47,7 +49,8 @@ impl Renderer {
         let (width, height) = (scene.camera.width, scene.camera.height);
         let limit = options.time_limit.unwrap_or(f64::INFINITY);
         let mut report = Report::default();
-        let (mut done, mut target) = (0, 1);
+        let (mut done, mut target, mut batch) = (0, 1, 1u32);
+        let (mut idle, mut last) = (0, 0.0);
         let mut first = None;
         let (content, mut fill) = surface.map_or((None, None), |surface| (Some(surface.content()), Some(surface)));
         loop {
@@ -64,11 +67,18 @@ impl Renderer {
                 .executor
                 .run(&mut inner, |plan| Ok::<_, RenderError>(plan_paths(scene, surface, options, target, plan)))?;
             merge(&mut report, run);
-            let paths = self.survey(sums)?;
+            let (paths, ended) = self.survey(sums)?;
             report.paths = Some(paths);
             if paths.samples < target {
+                (idle, last) = (if ended > last { 0 } else { idle + 1 }, ended);
+                if idle > PATIENCE {
+                    let device = self.executor.device().info().name.clone();
+                    let error = DeviceError::Backend(format!("no path ended in {PATIENCE} calls"));
+                    return Err(ExecError::Device { device, stage: "path".into(), error }.into());
+                }
                 continue;
             }
+            (idle, last) = (0, ended);
             done = paths.samples;
             let elapsed = begin.elapsed().as_secs_f64();
             let quiet = options.noise.is_some_and(|noise| paths.noise <= f64::from(noise));
@@ -79,14 +89,16 @@ impl Renderer {
             let (since, before) = *first.get_or_insert((elapsed, done));
             let pace = (elapsed - since) / f64::from((done - before).max(1));
             let room = LOOK.as_secs_f64().min(limit - elapsed) / pace.max(1e-9);
-            target = done.saturating_add((room as u32).clamp(1, MOST.min(done.max(1)))).min(options.samples);
+            // By twice at the most, so that the executor, which cuts work by the last time it took, keeps up.
+            batch = (room as u32).clamp(1, MOST.min(2 * batch));
+            target = done.saturating_add(batch).min(options.samples);
         }
     }
 
-    /// How many samples each pixel has, and how noisy they are.
-    fn survey(&mut self, sums: Buf<[f32; 4]>) -> Result<PathsRun, RenderError> {
+    /// How many samples each pixel has, how noisy they are, and how many there are in all.
+    fn survey(&mut self, sums: Buf<[f32; 4]>) -> Result<(PathsRun, f64), RenderError> {
         let pixels = sums.len / 3;
-        let (mut least, mut errors, mut squares) = (u32::MAX, 0.0, 0.0);
+        let (mut least, mut errors, mut squares, mut ended) = (u32::MAX, 0.0, 0.0, 0.0);
         let mut part = vec![[0.0; 4]; 3 * READ.min(pixels) as usize];
         let mut at = 0;
         while at < pixels {
@@ -96,6 +108,7 @@ impl Renderer {
             for pixel in part.chunks_exact(3) {
                 let [r, g, b, n] = pixel[0].map(f64::from);
                 least = least.min(n as u32);
+                ended += n;
                 let mean = (r + g + b) / (3.0 * n.max(1.0));
                 let square = f64::from(pixel[1][3]) / n.max(1.0);
                 // Of the mean; infinite for a single sample.
@@ -111,7 +124,7 @@ impl Renderer {
         } else {
             0.0
         };
-        Ok(PathsRun { samples: least, noise })
+        Ok((PathsRun { samples: least, noise }, ended))
     }
 }
 
