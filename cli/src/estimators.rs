@@ -7,7 +7,7 @@ use airlight::Renderer;
 use airlight::device::{Bytes, DeviceInfo};
 use airlight::exec::{Hooks, Progress, Rendered};
 use airlight::glam::DVec3;
-use airlight::metric::{Difference, difference};
+use airlight::metric::{Difference, block_means, difference};
 use airlight::scene::{
     AllEstimate, Content, Direct, EnvironmentEstimate, Estimate, Film, LightsEstimate, Opacity, Path, Quality, Records,
     Scene, Scheme, Shadow,
@@ -55,6 +55,9 @@ pub(crate) struct Options {
 const FRAMES: u32 = 5;
 const PATIENCE: Duration = Duration::from_secs(10);
 
+/// Pixels along a side of a block.
+const BLOCK: usize = 8;
+
 /// By how much of its distance from the target the eye moves from frame to frame.
 const STRIDE: f64 = 1e-3;
 
@@ -80,6 +83,8 @@ struct Measured {
     frames: usize,
     bytes: u64,
     difference: Difference,
+    /// Relative L2 of the means over blocks of [`BLOCK`] pixels a side, in which most of the truth's noise is gone.
+    blocks: f64,
     flip: f64,
 }
 
@@ -277,6 +282,7 @@ fn measure(id: &str, scene: &Scene, truth: &[[f32; 3]], what: &str, meter: &mut 
     }
     times.sort();
     let found: Vec<[f32; 3]> = rgb(&film).collect();
+    let blocks = |picture: &[[f32; 3]]| block_means(picture, film.width as usize, BLOCK);
     let (_, flip) = flips(&found, truth, [film.width, film.height]);
     Ok(Measured {
         prepare,
@@ -284,6 +290,7 @@ fn measure(id: &str, scene: &Scene, truth: &[[f32; 3]], what: &str, meter: &mut 
         frames: times.len(),
         bytes: report.bytes,
         difference: difference(&found, truth),
+        blocks: difference(&blocks(&found), &blocks(truth)).relative_l2,
         flip,
         film,
     })
@@ -304,8 +311,10 @@ impl Row<'_> {
         match &self.measured {
             Ok(m) => {
                 let mean_ratio = m.difference.mean_ratio.map(|v| (v * 1e4).round() / 1e4);
+                let percent = |v: f64| format!("{} %", short((v * 1e5).round() / 1e3));
                 cells.extend([
-                    format!("{} %", short((m.difference.relative_l2 * 1e5).round() / 1e3)),
+                    percent(m.difference.relative_l2),
+                    percent(m.blocks),
                     triple(mean_ratio),
                     short((m.flip * 1e5).round() / 1e5),
                     time(m.prepare),
@@ -328,6 +337,7 @@ impl Row<'_> {
         });
         if let Ok(m) = &self.measured {
             value["relative_l2"] = number(m.difference.relative_l2);
+            value["relative_l2_of_blocks"] = number(m.blocks);
             value["max_abs"] = number(m.difference.max_abs);
             value["mean_ratio"] = json!(m.difference.mean_ratio.map(number));
             value["flip"] = number(m.flip);
@@ -343,12 +353,13 @@ impl Row<'_> {
 }
 
 /// Columns of the table.
-const COLUMNS: [&str; 9] =
-    ["device", "environment", "lights", "relative L2", "mean ratio", "FLIP", "prepare", "frame", "memory"];
+const COLUMNS: [&str; 10] =
+    ["device", "environment", "lights", "relative L2", "of blocks", "mean ratio", "FLIP", "prepare", "frame", "memory"];
 
 /// What the times and errors are.
-const NOTE: &str = "Errors of linear RGB against the truth. Prepare: from opening the device to the first picture. Frame: the \
-                    median of pictures of an eye that moves a little from one to the next. Memory: what the plan holds on the device.";
+const NOTE: &str = "Errors of linear RGB against the truth; blocks are means of 8 × 8 pixels, with less of its noise. \
+                    Prepare: from opening the device to the first picture. Frame: the median of pictures of an eye that \
+                    moves a little from one to the next. Memory: what the plan holds on the device.";
 
 /// What is said of a comparison.
 struct Told<'a> {

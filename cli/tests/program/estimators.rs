@@ -37,6 +37,7 @@ fn every_estimator_that_fits_is_held_to_the_truth() {
         // light without a shadow is off by half.
         assert_eq!(number("relative_l2") < 0.05 + 2.0 * noise, shadowed, "{row:#}");
         assert!((0.0..=1.0).contains(&number("flip")), "{row:#}");
+        assert!(number("relative_l2_of_blocks") < number("relative_l2"), "{row:#}");
     }
     let sheet = std::fs::read_to_string(bench.out().join("sheet.html")).unwrap();
     // The truth once, and two pictures a row.
