@@ -49,7 +49,7 @@ pub(crate) fn run(options: &Options) -> Done {
     let limit = Duration::try_from_secs_f64(options.time_limit)
         .map_err(|_| Failure::input(format!("--time-limit {}: it must be a number of seconds", options.time_limit)))?;
     let mut absent = Vec::new();
-    let subjects = subjects(&options.device, &mut absent)?;
+    let subjects = devices::subjects(&options.device, &mut absent)?;
     if let Some(tables) = wanted {
         return papers::run(&tables, &subjects, &absent, limit, options.json);
     }
@@ -62,42 +62,6 @@ pub(crate) fn run(options: &Options) -> Done {
     let faults: Vec<_> =
         measured.iter().filter_map(|m| Some(format!("{}: {}", m.info.id(), m.fault.as_ref()?))).collect();
     if faults.is_empty() { Ok(()) } else { Err(Failure::running(faults.join("; "))) }
-}
-
-/// The devices that were asked for, or all. Backends without one are said and listed in `absent`.
-fn subjects(choices: &[String], absent: &mut Vec<Value>) -> Result<Vec<DeviceInfo>, Failure> {
-    let mut subjects: Vec<DeviceInfo> = Vec::new();
-    for choice in choices {
-        let airlight::Chosen { device, passed_over } = airlight::choose(choice)?;
-        passed_over.iter().for_each(|line| output::remark(&format!("warning: {line}")));
-        // Two choices may mean the same device.
-        if subjects.iter().all(|info| info.id() != device.info().id()) {
-            subjects.push(device.info().clone());
-        }
-    }
-    if choices.is_empty() {
-        for backend in airlight::devices() {
-            match backend.devices {
-                Ok(devices) => {
-                    for info in devices {
-                        if let Some(reason) = &info.unusable {
-                            output::remark(&format!("{} cannot be opened: {reason}", info.id()));
-                            absent.push(json!({ "backend": backend.name, "device": info.id(), "reason": reason }));
-                        } else {
-                            subjects.push(info);
-                        }
-                    }
-                }
-                Err(reason) => {
-                    output::remark(&format!("{} has no device: {reason}", backend.name));
-                    absent.push(json!({ "backend": backend.name, "device": null, "reason": reason.to_string() }));
-                }
-            }
-        }
-        // The processor, which every machine has, is what the others are compared with.
-        subjects.sort_by_key(|info| info.backend != "cpu");
-    }
-    Ok(subjects)
 }
 
 fn measure(info: DeviceInfo) -> Measured {
@@ -157,7 +121,7 @@ fn cell(timing: &Timing, first: Option<&Measured>) -> String {
 }
 
 /// A time in three figures.
-fn time(time: Duration) -> String {
+pub(crate) fn time(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     let (scale, unit) = match seconds {
         s if s >= 0.9995 => (1.0, "s"),

@@ -52,10 +52,7 @@ pub(crate) fn run(options: &Options) -> Done {
         )));
     }
     let d = difference(&a.texels, &b.texels);
-    let (width, height) = (a.width as usize, a.height as usize);
-    let shown = [&a, &b].map(display);
-    let flips = flip(&shown[0], &shown[1], width, height);
-    let mean_flip = flips.iter().map(|&v| f64::from(v)).sum::<f64>() / flips.len() as f64;
+    let (flips, mean_flip) = flips(&a.texels, &b.texels, [a.width, a.height]);
     if let Some(path) = &options.output {
         let pixels: Vec<u8> = flips.iter().flat_map(|&v| heat(v)).collect();
         write_png_rgb8(path, a.width, a.height, &pixels).map_err(Failure::output)?;
@@ -85,15 +82,18 @@ pub(crate) fn run(options: &Options) -> Done {
 }
 
 /// What FLIP sees, in words.
-const TONE_MAP: &str = "mean over pixels, clamped to 0..1 and sRGB-encoded, 67 pixels per degree";
+pub(crate) const TONE_MAP: &str = "mean over pixels, clamped to 0..1 and sRGB-encoded, 67 pixels per degree";
 
 fn read(path: &Path) -> Result<Image, Failure> {
     Ok(read_image(path)?.image)
 }
 
-/// The picture as a screen shows it without tone mapping.
-fn display(image: &Image) -> Vec<[f32; 3]> {
-    image.texels.iter().map(|&t| ToneMap::LINEAR.encode(t)).collect()
+/// FLIP of two pictures as a screen shows them without tone mapping: of each pixel, and the mean.
+pub(crate) fn flips(a: &[[f32; 3]], b: &[[f32; 3]], [width, height]: [u32; 2]) -> (Vec<f32>, f64) {
+    let display = |texels: &[[f32; 3]]| texels.iter().map(|&t| ToneMap::LINEAR.encode(t)).collect::<Vec<_>>();
+    let flips = flip(&display(a), &display(b), width as usize, height as usize);
+    let mean = flips.iter().map(|&v| f64::from(v)).sum::<f64>() / flips.len() as f64;
+    (flips, mean)
 }
 
 /// Black, red, yellow, white.

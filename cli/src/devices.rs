@@ -3,6 +3,7 @@
 use airlight::device::{Bytes, DeviceInfo};
 use serde_json::{Value, json};
 
+use crate::failure::Failure;
 use crate::{Done, output};
 
 #[derive(clap::Args)]
@@ -73,4 +74,40 @@ pub(crate) fn device(info: &DeviceInfo) -> Value {
         "filter_bits": info.filter_bits,
         "unusable": info.unusable,
     })
+}
+
+/// The devices that were asked for, or all. Backends without one are said and listed in `absent`.
+pub(crate) fn subjects(choices: &[String], absent: &mut Vec<Value>) -> Result<Vec<DeviceInfo>, Failure> {
+    let mut subjects: Vec<DeviceInfo> = Vec::new();
+    for choice in choices {
+        let airlight::Chosen { device, passed_over } = airlight::choose(choice)?;
+        passed_over.iter().for_each(|line| output::remark(&format!("warning: {line}")));
+        // Two choices may mean the same device.
+        if subjects.iter().all(|info| info.id() != device.info().id()) {
+            subjects.push(device.info().clone());
+        }
+    }
+    if choices.is_empty() {
+        for backend in airlight::devices() {
+            match backend.devices {
+                Ok(devices) => {
+                    for info in devices {
+                        if let Some(reason) = &info.unusable {
+                            output::remark(&format!("{} cannot be opened: {reason}", info.id()));
+                            absent.push(json!({ "backend": backend.name, "device": info.id(), "reason": reason }));
+                        } else {
+                            subjects.push(info);
+                        }
+                    }
+                }
+                Err(reason) => {
+                    output::remark(&format!("{} has no device: {reason}", backend.name));
+                    absent.push(json!({ "backend": backend.name, "device": null, "reason": reason.to_string() }));
+                }
+            }
+        }
+        // The processor, which every machine has, is what the others are compared with.
+        subjects.sort_by_key(|info| info.backend != "cpu");
+    }
+    Ok(subjects)
 }

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use airlight::basis::window::{DIRECTIONS, Ringing};
 use airlight::glam::{DVec3, UVec3, Vec3};
-use airlight::light::{Environment, Light};
+use airlight::light::{Environment, Light, Split};
 use airlight::media::{Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
-use airlight::scene::{Background, Jitter, Material, Scene};
+use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Reason, Scene};
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
 use airlight_formats::{mesh, volume};
@@ -105,7 +106,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "mean_cosine": optics.phase.moments(2)[1],
             "fields": fields(medium.as_ref()),
         },
-        "environment": environment.as_ref().map(environment_values),
+        "environment": environment.as_ref().map(|e| environment_of(&loaded.scene, e)),
         "background": background.as_ref().map(background_values),
         "light": lights.iter().map(light).collect::<Vec<_>>(),
         "surface": loaded.surfaces.iter().map(surface).collect::<Vec<_>>(),
@@ -250,6 +251,35 @@ fn environment_file(path: &Path) -> Result<Value, Failure> {
     Ok(value)
 }
 
+/// An environment and what a scene makes of it.
+fn environment_of(scene: &Scene, environment: &Environment) -> Value {
+    let mut value = environment_values(environment);
+    if let (Some(Extraction { taken, reason, .. }), Value::Object(sun)) = (scene.sun(), &mut value["sun"]) {
+        let cost = match reason {
+            Reason::Gain(cost) | Reason::NoGain(cost) => Some([cost.whole, cost.split].map(number)),
+            Reason::Asked | Reason::Refused | Reason::Whole | Reason::Shadow => None,
+        };
+        sun.insert("extracted".into(), json!(taken));
+        sun.insert("why".into(), json!(reason.to_string()));
+        sun.insert("cost".into(), json!(cost));
+    }
+    let ringing = |r: Ringing| json!({ "directions": r.negative, "depth": number(r.depth) });
+    value["negative"] = json!(scene.negative().map(|Negative { plain, windowed }| {
+        json!({ "of": DIRECTIONS, "without_window": ringing(plain), "with_window": ringing(windowed) })
+    }));
+    value
+}
+
+fn sun(environment: &Environment) -> Option<Value> {
+    let Split { sun, .. } = environment.split()?;
+    Some(json!({
+        "to_light": sun.to_light.to_array(),
+        "irradiance": sun.irradiance.to_array().map(number),
+        "angular_radius": number(sun.angular_radius.to_degrees()),
+        "share": number(sun.share),
+    }))
+}
+
 fn environment_values(environment: &Environment) -> Value {
     let image = environment.image();
     json!({
@@ -259,6 +289,7 @@ fn environment_values(environment: &Environment) -> Value {
         "visible": environment.visible,
         "mean_radiance": environment.mean_radiance().to_array().map(number),
         "max_radiance": environment.max_radiance().to_array().map(number),
+        "sun": sun(environment),
     })
 }
 

@@ -8,6 +8,7 @@ mod bench;
 mod compare;
 mod conformance;
 mod devices;
+mod estimators;
 mod failure;
 mod frames;
 mod info;
@@ -40,6 +41,8 @@ enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Compare the estimators that fit a scene: error against path tracing, time, memory, pictures.
+    Estimators(estimators::Options),
     /// Hold devices to the conformance suite.
     Conformance(conformance::Options),
     /// Measure how fast each device is, in a few seconds.
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         Command::Devices(options) => devices::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Estimators(options) => estimators::run(&options),
         Command::Conformance(options) => conformance::run(&options),
         Command::Bench(options) => bench::run(&options),
     };

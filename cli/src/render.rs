@@ -51,7 +51,7 @@ pub(crate) struct Options {
     json: bool,
 }
 
-fn size(text: &str) -> Result<(u32, u32), String> {
+pub(crate) fn size(text: &str) -> Result<(u32, u32), String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("a size is written as 640x480")?;
     let side = |s: &str| s.parse::<u32>().map_err(|_| format!("\"{s}\" is not a number of pixels"));
     Ok((side(w)?, side(h)?))
@@ -72,7 +72,7 @@ fn stops(text: &str) -> Result<f32, String> {
     }
 }
 
-fn assignment(text: &str) -> Result<(String, String), String> {
+pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("an assignment is written as key=value")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
 }
@@ -178,7 +178,7 @@ fn limit_time(options: &Options, scene: &mut Scene) -> Done {
 }
 
 /// Says each warning once.
-fn warn(new: Vec<String>, said: &mut Vec<String>) {
+pub(crate) fn warn(new: Vec<String>, said: &mut Vec<String>) {
     for warning in new {
         if !said.contains(&warning) {
             output::remark(&format!("warning: {warning}"));

@@ -8,8 +8,8 @@ use airlight::light::Light;
 use airlight::media::Phase;
 use airlight::reference::{BruteForce, BruteSettings};
 use airlight::scene::{
-    Content, Direct, Elimination, EnvironmentEstimate, Film, Interpolation, LightsEstimate, Opacity, Records, Scene,
-    Shadow, Solver,
+    Content, Direct, Elimination, EnvironmentEstimate, ExtractSun, Film, Interpolation, LightsEstimate, Opacity,
+    Records, Scene, Shadow, Solver,
 };
 use libtest_mimic::Failed;
 
@@ -18,16 +18,16 @@ use crate::fixtures::{Map, chromatic, cloud, grey, sky, varied};
 use crate::{Axis, Case, Record, Subject, check, rgb, tolerance};
 
 /// A cloud large enough to have empty cells, small enough for brute force.
-const DIMS: UVec3 = UVec3::new(14, 10, 12);
+pub(crate) const DIMS: UVec3 = UVec3::new(14, 10, 12);
 
 /// Cells of half a voxel.
-const HALF_VOXEL: u32 = 28;
+pub(crate) const HALF_VOXEL: u32 = 28;
 
 /// Cells of less than a quarter of a voxel.
 const FINEST: u32 = 60;
 
 /// A quadrature of the sphere as fine as two parts of a texel of the sky.
-const SETTINGS: BruteSettings = BruteSettings { rows: 16, nodes: 2 };
+pub(crate) const SETTINGS: BruteSettings = BruteSettings { rows: 16, nodes: 2 };
 
 pub(crate) fn cases() -> Vec<Case> {
     let mut cases = vec![
@@ -174,17 +174,25 @@ fn lit(map: Map, phase: Phase) -> Scene {
 }
 
 fn options(cells: u32, bands: u32, directions: u32, content: Content) -> Records {
-    Records { cells, bands, directions, content, solver: Solver::March, ..Records::default() }
+    Records {
+        cells,
+        bands,
+        directions,
+        content,
+        solver: Solver::March,
+        extract_sun: ExtractSun::Never,
+        ..Records::default()
+    }
 }
 
 /// The colours of every fifth pixel.
-struct Sparse {
-    found: Vec<f32>,
-    expected: Vec<f64>,
+pub(crate) struct Sparse {
+    pub(crate) found: Vec<f32>,
+    pub(crate) expected: Vec<f64>,
 }
 
 /// Every fifth pixel of a film, and of brute force.
-fn against(truth: &BruteForce<'_>, film: &Film) -> Sparse {
+pub(crate) fn against(truth: &BruteForce<'_>, film: &Film) -> Sparse {
     use rayon::prelude::*;
     let places: Vec<u32> = (0..film.width * film.height).step_by(5).collect();
     let expected: Vec<[f64; 4]> = places.par_iter().map(|i| truth.pixel(i % film.width, i / film.width)).collect();

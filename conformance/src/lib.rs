@@ -42,6 +42,7 @@ pub mod sequences;
 mod sidecar;
 mod stages;
 mod suite;
+mod suns;
 mod surfaces;
 pub mod tolerance;
 mod truth;
@@ -57,7 +58,7 @@ pub use case::{Axis, Case, Labels, Need};
 pub use compare::{Difference, compare};
 pub use libtest_mimic::Failed;
 pub use record::{MISMATCHES, Mismatch, Mismatches, Picture, Place, Record, Score, rgb};
-pub use report::{Reported, write_report};
+pub use report::{Reported, Sheet, SheetEntry, write_report, write_sheet};
 pub use sidecar::{AxisRecord, DeviceRecord, FORMAT, FORMAT_VERSION, LimitsRecord, Outcome, Sidecar, ToleranceRecord};
 pub use suite::try_all;
 pub use tolerance::Tolerance;
@@ -140,6 +141,7 @@ pub fn cases() -> Vec<Case> {
         rooms::cases(),
         frames::cases(),
         estimators::cases(),
+        suns::cases(),
         paths::cases(),
         keys::cases(),
         sequences::cases(),

@@ -6,13 +6,13 @@
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use airlight::basis::SphericalHarmonics;
+use airlight::basis::{SphericalHarmonics, Window};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Gaussian, Gaussians, GridMedium, Lattice, Optics, Phase};
 use airlight::scene::{
-    Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Film, Interpolation, LightsEstimate, Opacity,
-    Quality, Records, Scene, Shadow, Solver,
+    Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Film, Interpolation,
+    LightsEstimate, Opacity, Quality, Records, Scene, Shadow, Solver,
 };
 use airlight_formats::{FormatError, volume};
 use libtest_mimic::Failed;
@@ -113,6 +113,9 @@ pub fn records(content: Content, bands: u32, directions: u32) -> Records {
         interpolation: Interpolation::Trilinear,
         elimination: Elimination::Exact,
         solver: Solver::March,
+        // The pictures are of the environment as it is truncated, and of the whole.
+        extract_sun: ExtractSun::Never,
+        window: Window::None,
     }
 }
 

@@ -8,6 +8,7 @@ mod cameras;
 mod compare;
 mod conformance;
 mod damage;
+mod estimators;
 mod limits;
 mod outputs;
 mod reports;

@@ -115,3 +115,25 @@ fn info_of_a_ramp_is_that_ramp() {
     // Sums of f64 in another order.
     assert!((grid["mean"].as_f64().unwrap() - mean).abs() < 1e-12, "{grid:#}");
 }
+
+/// The sunset's sun is half a degree of a fortieth of the light: `auto` says why it leaves it there.
+#[test]
+fn info_tells_of_the_sun() {
+    let bench = Workbench::new();
+    let scenes = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
+    let told = |name: &str| bench.json(["info".as_ref(), scenes.join(name).as_os_str(), "--json".as_ref()]);
+    let file = told("sunset.exr");
+    let number = |key: &str| file["sun"][key].as_f64().unwrap();
+    assert!((0.2..0.7).contains(&number("angular_radius")) && (0.01..0.05).contains(&number("share")), "{file:#}");
+    let scene = told("fog.toml")["environment"].clone();
+    assert_eq!(scene["sun"]["extracted"], false);
+    assert!(scene["sun"]["why"].as_str().unwrap().contains("truncation costs"), "{scene:#}");
+    assert_eq!(scene["sun"]["cost"].as_array().unwrap().len(), 2);
+    assert_eq!(scene["negative"]["of"], 3072);
+    let even = bench.json(["info", "../fog.toml", "--json"])["environment"].clone();
+    let below = &even["negative"]["without_window"];
+    assert_eq!(
+        (&even["sun"], below),
+        (&serde_json::Value::Null, &serde_json::json!({ "directions": 0, "depth": 0.0 }))
+    );
+}

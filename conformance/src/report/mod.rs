@@ -2,6 +2,7 @@
 
 mod page;
 mod picture;
+mod sheet;
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -9,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 use airlight_formats::FormatError;
 use airlight_formats::output::write_atomically;
+
+pub use sheet::{Sheet, SheetEntry, write_sheet};
 
 use crate::case::group_of;
 use crate::sidecar::{DeviceRecord, Sidecar};

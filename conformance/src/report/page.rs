@@ -16,46 +16,54 @@ pub(super) fn page(all: &Results, pictures: &[String]) -> Markup {
     let results = || all.cases.values().flat_map(|of_case| of_case.values());
     let failed: Vec<_> = results().filter(|r| r.outcome.failed()).collect();
     let chosen: Vec<_> = results().filter(|r| !r.outcome.failed() && shows(r, pictures)).collect();
+    let body = html! {
+        p { (counts(results())) " on " (number(all.devices.len(), "device", "devices")) ". " (versions(all)) }
+        @if !all.damaged.is_empty() {
+            h2 { "Files that could not be read" }
+            ul { @for what in &all.damaged { li.failed { (what) } } }
+        }
+        h2 { "Devices" }
+        (devices(all))
+        h2 { "By group" }
+        (groups(all))
+        @if !failed.is_empty() {
+            h2 { "Failed" }
+            @for result in &failed { (detail(all, result)) }
+        }
+        @if !chosen.is_empty() {
+            h2 { "Chosen" }
+            @for result in &chosen { (detail(all, result)) }
+        }
+        h2 { "All cases" }
+        p.dim { "Per cent are the largest share that a score takes of what it may be." }
+        (cases(all, pictures))
+        h2 { "Tolerances" }
+        (tolerances(all))
+    };
+    document("airlight conformance", &body)
+}
+
+/// A page with its style in it.
+pub(super) fn document(title: &str, body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "airlight conformance" }
+                title { (title) }
                 style { (PreEscaped(include_str!("style.css"))) }
             }
             body {
-                h1 { "airlight conformance" }
-                p { (counts(results())) " on " (number(all.devices.len(), "device", "devices")) ". " (versions(all)) }
-                @if !all.damaged.is_empty() {
-                    h2 { "Files that could not be read" }
-                    ul { @for what in &all.damaged { li.failed { (what) } } }
-                }
-                h2 { "Devices" }
-                (devices(all))
-                h2 { "By group" }
-                (groups(all))
-                @if !failed.is_empty() {
-                    h2 { "Failed" }
-                    @for result in &failed { (detail(all, result)) }
-                }
-                @if !chosen.is_empty() {
-                    h2 { "Chosen" }
-                    @for result in &chosen { (detail(all, result)) }
-                }
-                h2 { "All cases" }
-                p.dim { "Per cent are the largest share that a score takes of what it may be." }
-                (cases(all, pictures))
-                h2 { "Tolerances" }
-                (tolerances(all))
+                h1 { (title) }
+                (body)
             }
         }
     }
 }
 
 /// The first row of a table.
-fn head(columns: &[&str]) -> Markup {
+pub(super) fn head(columns: &[&str]) -> Markup {
     html! { thead { tr { @for column in columns { th { (column) } } } } }
 }
 
@@ -242,13 +250,8 @@ fn scores(scores: &[Score]) -> Markup {
 }
 
 fn shown(picture: &Picture) -> Markup {
-    let Shown { found, expected, difference, exposure, scale, share } = Shown::new(picture);
+    let shown = Shown::new(picture);
     let [width, height] = picture.size;
-    let times = (WIDTH / width.max(1)).max(1);
-    let image = |address: &str, what: &str| {
-        let alt = format!("{}, {what}", picture.name);
-        html! { img src=(address) alt=(alt) width=(width.saturating_mul(times)) height=(height.saturating_mul(times)); }
-    };
     html! {
         p {
             (picture.name)
@@ -256,18 +259,40 @@ fn shown(picture: &Picture) -> Markup {
             span.dim { ", " (width) " × " (height) " pixels" }
         }
         div.pictures {
-            figure { (image(&found, "found")) figcaption { "found" } }
-            figure { (image(&expected, "expected")) figcaption {
-                "expected; tone mapping of both: times " (format!("{exposure:.3e}")) ", clipped at 1, encoded as sRGB; \
-                a hundredth of the expected values is brighter than white. What is no number is magenta."
-            } }
-            figure {
-                (image(&difference, "difference"))
-                div.scale { "0" div.ramp {} (format!("{scale:.3e}")) }
-                figcaption {
-                    "largest difference of a channel; white is " (format!("{:.3} %", 100.0 * share)) " of the largest \
-                    expected value"
-                }
+            figure { (image(picture, &shown.found, "found")) figcaption { "found" } }
+            (expected(picture, &shown))
+            (difference(picture, &shown))
+        }
+    }
+}
+
+/// A picture by its address, enlarged.
+pub(super) fn image(picture: &Picture, address: &str, what: &str) -> Markup {
+    let [width, height] = picture.size;
+    let times = (WIDTH / width.max(1)).max(1);
+    let alt = format!("{}, {what}", picture.name);
+    html! { img src=(address) alt=(alt) width=(width.saturating_mul(times)) height=(height.saturating_mul(times)); }
+}
+
+/// The truth, and how both are shown.
+pub(super) fn expected(picture: &Picture, shown: &Shown) -> Markup {
+    html! {
+        figure { (image(picture, &shown.expected, "expected")) figcaption {
+            "expected; tone mapping of both: times " (format!("{:.3e}", shown.exposure)) ", clipped at 1, encoded as sRGB; \
+            a hundredth of the expected values is brighter than white. What is no number is magenta."
+        } }
+    }
+}
+
+/// The difference, with its scale.
+pub(super) fn difference(picture: &Picture, shown: &Shown) -> Markup {
+    html! {
+        figure {
+            (image(picture, &shown.difference, "difference"))
+            div.scale { "0" div.ramp {} (format!("{:.3e}", shown.scale)) }
+            figcaption {
+                "largest difference of a channel; white is " (format!("{:.3} %", 100.0 * shown.share)) " of the largest \
+                expected value"
             }
         }
     }

@@ -9,9 +9,11 @@ use glam::DVec3;
 mod harmonics;
 pub mod healpix;
 pub mod quadrature;
+pub mod window;
 
 pub use harmonics::{SphericalHarmonics, eval_f32, recurrence_table};
 pub use healpix::pixel_integrals;
+pub use window::Window;
 
 /// Above this [`gram_error`] a direction set is too coarse for a basis: products of its functions alias.
 pub const GRAM_TOLERANCE: f64 = 0.1;

@@ -85,11 +85,7 @@ impl<'a> Setup<'a> {
         let lattice = scene.medium.lattice();
         let radiance = options.content == Content::Radiance;
         // Bands past the phase function's reach are multiplied by zero; without light there is only emission.
-        let bands = match (radiance, &scene.environment) {
-            (true, _) => options.bands.min(optics.phase.reach().unwrap_or(u32::MAX)),
-            (false, Some(_)) => options.bands,
-            (false, None) => 1,
-        };
+        let bands = if radiance || scene.environment.is_some() { options.bands_of(&optics.phase) } else { 1 };
         let layers = if radiance { bands * bands } else { 1 };
         Self {
             options,
@@ -299,17 +295,20 @@ impl<'a> Setup<'a> {
     fn relight(&self, records: Buf<f32>, emission_records: Option<Buf<f32>>, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
         let (content, scene, bands) = (self.options.content, self.scene, self.bands);
         let harmonics = self.harmonics();
+        let window = self.options.window_factors(&scene.optics.phase);
         let (light, emission_weight) = if content == Content::Radiance {
             let moments = scene.optics.phase.moments(bands);
             let single = if self.layers == 1 { Y0 } else { 1.0 };
-            let beta = moments.iter().enumerate().flat_map(|(l, &beta)| vec![[(beta * single) as f32; 4]; 2 * l + 1]);
-            (plan.table("light", beta.collect()), Y0)
+            let beta = moments.iter().enumerate().flat_map(|(l, &beta)| vec![beta * single; 2 * l + 1]);
+            (plan.table("light", beta.zip(window).map(|(beta, f)| [(beta * f) as f32; 4]).collect()), Y0)
         } else {
             let norm = if content == Content::Transmittance { 1.0 / (4.0 * PI) } else { 1.0 };
-            let light = plan.upload("light", self.coefficients().into(), &self.light_key(), move || {
+            let key = (self.light_key(), self.options.window);
+            let light = plan.upload("light", self.coefficients().into(), &key, move || {
                 let zero = vec![[0.0; 3]; (bands * bands) as usize];
                 let light = scene.environment.as_ref().map_or(zero, |e| e.project_sh(&harmonics));
-                light.iter().map(|c| [c[0] * norm, c[1] * norm, c[2] * norm, 0.0].map(|v| v as f32)).collect()
+                let faded = light.iter().zip(window).map(|(c, f)| c.map(|v| (v * norm * f) as f32));
+                faded.map(|[r, g, b]| [r, g, b, 0.0]).collect()
             });
             (light, norm)
         };

@@ -132,9 +132,10 @@ impl Renderer {
             let left = self.trace_paths(scene, path, None, hooks)?;
             return Ok(Rendered { film: self.read(&left)?, report: left.report });
         }
+        let lit = scene.lit();
         // The plan borrows the executor for as long as the scene: both end with this call.
         let (film, report) = self.executor.run(hooks, |plan| {
-            let film = plan_frame(scene, None, plan)?;
+            let film = plan_frame(&lit, scene.environment.as_ref(), None, plan)?;
             // The film as the caller gets it.
             plan.host(film.bytes());
             Ok::<_, RenderError>(film)
@@ -159,7 +160,9 @@ impl Renderer {
         if let Some(AllEstimate::Path(path)) = &scene.estimate.all {
             return self.trace_paths(scene, path, surface, hooks);
         }
-        let (film, report) = self.executor.submit(hooks, |plan| plan_frame(scene, surface, plan))?;
+        let lit = scene.lit();
+        let sky = scene.environment.as_ref();
+        let (film, report) = self.executor.submit(hooks, |plan| plan_frame(&lit, sky, surface, plan))?;
         Ok(OnDevice { film, width: scene.camera.width, height: scene.camera.height, report })
     }
 
@@ -192,9 +195,10 @@ impl Renderer {
     }
 }
 
-/// Plans everything from the medium's upload to the film.
+/// Plans everything from the medium's upload to the film. `sky` is the environment as it is seen.
 fn plan_frame<'a>(
     scene: &'a Scene,
+    sky: Option<&'a Environment>,
     surface: Option<Surface<'a>>,
     plan: &mut Plan<'a>,
 ) -> Result<Buf<[f32; 4]>, RenderError> {
@@ -224,7 +228,8 @@ fn plan_frame<'a>(
         }
         _ => background.map(|surface| Seen { surface, samples: 1 }),
     };
-    let behind = Behind { seen, normals: hits.map(|hits| hits.hits), mesh: mesh.as_ref(), shadow };
+    let normals = hits.map(|hits| hits.hits);
+    let behind = Behind { seen, normals, mesh: mesh.as_ref(), shadow, sky: sky.filter(|sky| sky.visible) };
     Ok(plan_march(scene, &medium, occupancy, &sources, behind, plan))
 }
 
@@ -258,12 +263,14 @@ pub(super) fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Medium
 }
 
 /// What ends view rays, and what shadows lights.
-struct Behind<'m> {
+struct Behind<'m, 'a> {
     seen: Option<Seen>,
     /// Of the meshes, as `trace` leaves them.
     normals: Option<Buf<[f32; 4]>>,
     mesh: Option<&'m MeshBuffers>,
     shadow: Option<SurfaceShadowing>,
+    /// The environment, where it is visible.
+    sky: Option<&'a Environment>,
 }
 
 /// What ends view rays: so many vectors a pixel.
@@ -326,7 +333,7 @@ fn plan_march<'a>(
     medium: &MediumFields,
     occupancy: Occupancy,
     sources: &Sources,
-    behind: Behind<'_>,
+    behind: Behind<'_, 'a>,
     plan: &mut Plan<'a>,
 ) -> Buf<[f32; 4]> {
     let (camera, optics, grid) = (&scene.camera, &scene.optics, &medium.grid);
@@ -390,8 +397,8 @@ fn plan_march<'a>(
         tables.extend((0..camera.samples).map(|s| blue_noise::offset(s.into())));
         tables.extend(blue_noise::tile());
     }
-    let environment = scene.environment.as_ref().filter(|e| e.visible).map(|e| {
-        let sky = upload_sky(e, plan);
+    let environment = behind.sky.map(|sky| {
+        let sky = upload_sky(sky, plan);
         [params.environment_width, params.environment_height] = sky.size;
         (params.environment, params.environment_dims) = (sky.tint, sky.dims);
         sky.field

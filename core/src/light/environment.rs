@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use super::sun::Content;
 use crate::Version;
 
 /// A picture of linear RGB, row 0 at the top.
@@ -41,8 +42,8 @@ pub fn clamp_texels(texels: &mut [[f32; 3]]) -> usize {
 /// An environment.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    image: Arc<Image>,
-    version: Version,
+    /// The picture, and what is known about it once it was asked for. Copies share it.
+    pub(super) content: Arc<Content>,
     /// Multiplies the picture, per channel.
     pub scale: Vec3,
     /// Degrees by which the environment is turned about +Y, from +Z toward +X.
@@ -93,7 +94,7 @@ impl Environment {
             let (x, y) = (i as u32 % width, i as u32 / width);
             return Err(EnvironmentError::Texel { x, y, value: texels[i] });
         }
-        Ok(Self { image: Arc::new(image), version: Version::fresh(), scale: Vec3::ONE, rotation: 0.0, visible: true })
+        Ok(Self { content: Arc::new(Content::new(image)), scale: Vec3::ONE, rotation: 0.0, visible: true })
     }
 
     /// The same radiance from everywhere.
@@ -123,23 +124,24 @@ impl Environment {
 
     /// The picture, before scale and rotation.
     pub fn image(&self) -> &Image {
-        &self.image
+        &self.content.image
     }
 
     /// Identity of the picture; scale and rotation are not part of it.
     pub fn version(&self) -> Version {
-        self.version
+        self.content.version
     }
 
     /// Radiance from the unit direction `d` (pointing away from the scene), W m⁻² sr⁻¹.
     pub fn radiance(&self, d: DVec3) -> DVec3 {
-        let (w, h) = (i64::from(self.image.width), i64::from(self.image.height));
+        let image = self.image();
+        let (w, h) = (i64::from(image.width), i64::from(image.height));
         let u = (d.x.atan2(-d.z) / (2.0 * PI) + self.rotation / 360.0).rem_euclid(1.0);
         let v = d.y.clamp(-1.0, 1.0).acos() / PI;
         let (x, y) = (u * w as f64 - 0.5, v * h as f64 - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let texel = |i: i64, j: i64| {
-            let t = self.image.texels[(j.clamp(0, h - 1) * w + i.rem_euclid(w)) as usize];
+            let t = image.texels[(j.clamp(0, h - 1) * w + i.rem_euclid(w)) as usize];
             Vec3::from_array(t).as_dvec3()
         };
         let (i, j) = (x0 as i64, y0 as i64);

@@ -14,7 +14,7 @@ use crate::basis::quadrature::gauss_legendre;
 use crate::basis::{Basis, SphericalHarmonics, healpix};
 
 /// Linear sRGB (Rec. 709) to luminance.
-const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 /// Cells of the sub-sampling along a pixel's side, at least: 64 a pixel.
 const CELLS_PER_SIDE: f64 = 8.0;

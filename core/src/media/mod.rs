@@ -26,6 +26,8 @@ pub use grid_medium::GridMedium;
 pub use lattice::Lattice;
 pub use noise::{Detailed, FractalNoise, Noise};
 pub use optics::{Optics, OpticsError};
+#[cfg(test)]
+pub(crate) use phase::legendre;
 pub use phase::{Phase, PhaseError, PhaseTable};
 
 use crate::Version;

@@ -89,7 +89,7 @@ impl PhaseTable {
             values[segment] + (values[segment + 1] - values[segment]) * f.clamp(0.0, 1.0)
         });
         let mut table = Self { values: resampled.collect() };
-        let total = table.integrate(|_| 1.0);
+        let total = table.moments(1)[0];
         if !(total.is_finite() && total > 0.0) {
             return bad("all values are zero".into());
         }
@@ -108,20 +108,21 @@ impl PhaseTable {
         self.values[i] + (self.values[i + 1] - self.values[i]) * (at - i as f64)
     }
 
-    /// 2π ∫ p(c) f(c) dc, segment by segment.
-    fn integrate(&self, f: impl Fn(f64) -> f64) -> f64 {
+    /// 2π ∫ p(c) P_l(c) dc for l < `bands`, segment by segment.
+    fn moments(&self, bands: u32) -> Vec<f64> {
         let h = PI / (Self::SIZE - 1) as f64;
         let rule = gauss_legendre(4);
-        let mut sum = 0.0;
+        let mut sums = vec![0.0; bands as usize];
         for i in 0..Self::SIZE - 1 {
             for &(x, w) in &rule {
                 let t = 0.5 * (x + 1.0);
                 let theta = (i as f64 + t) * h;
                 let p = self.values[i] + (self.values[i + 1] - self.values[i]) * t;
-                sum += p * f(theta.cos()) * theta.sin() * 0.5 * w * h;
+                let weight = 2.0 * PI * p * theta.sin() * 0.5 * w * h;
+                sums.iter_mut().zip(legendre(theta.cos())).for_each(|(sum, value)| *sum += weight * value);
             }
         }
-        2.0 * PI * sum
+        sums
     }
 }
 
@@ -145,17 +146,16 @@ impl Phase {
 
     /// Legendre moments β_0 to β_{bands-1}.
     pub fn moments(&self, bands: u32) -> Vec<f64> {
-        (0..bands as i32)
-            .map(|l| match self {
-                Self::Isotropic => f64::from(u8::from(l == 0)),
-                Self::HenyeyGreenstein { g } => g.powi(l),
-                Self::Rayleigh => [1.0, 0.0, 0.1].get(l as usize).copied().unwrap_or(0.0),
-                Self::DoubleHenyeyGreenstein { forward, backward, weight } => {
-                    weight * forward.powi(l) + (1.0 - weight) * backward.powi(l)
-                }
-                Self::Table(table) => table.integrate(|c| legendre(l as u32, c)),
-            })
-            .collect()
+        let each = |moment: &dyn Fn(i32) -> f64| (0..bands as i32).map(moment).collect();
+        match self {
+            Self::Isotropic => each(&|l| f64::from(u8::from(l == 0))),
+            Self::HenyeyGreenstein { g } => each(&|l| g.powi(l)),
+            Self::Rayleigh => each(&|l| [1.0, 0.0, 0.1].get(l as usize).copied().unwrap_or(0.0)),
+            Self::DoubleHenyeyGreenstein { forward, backward, weight } => {
+                each(&|l| weight * forward.powi(l) + (1.0 - weight) * backward.powi(l))
+            }
+            Self::Table(table) => table.moments(bands),
+        }
     }
 
     /// How many bands (l = 0 .. n) the moments reach, where that is finite.
@@ -191,17 +191,14 @@ impl Phase {
     }
 }
 
-/// Legendre polynomial P_l(x) by Bonnet's recursion.
-pub(crate) fn legendre(l: u32, x: f64) -> f64 {
-    let (mut below, mut this) = (1.0, x);
-    if l == 0 {
-        return below;
-    }
-    for n in 1..l {
-        let n = f64::from(n);
-        (below, this) = (this, ((2.0 * n + 1.0) * x * this - n * below) / (n + 1.0));
-    }
-    this
+/// Legendre polynomials P_0(x), P_1(x) and so on, by Bonnet's recursion.
+pub(crate) fn legendre(x: f64) -> impl Iterator<Item = f64> {
+    let (mut below, mut this) = (0.0, 1.0);
+    (1..).map(move |n| {
+        let (value, n) = (this, f64::from(n));
+        (below, this) = (this, ((2.0 * n - 1.0) * x * this - (n - 1.0) * below) / n);
+        value
+    })
 }
 
 #[cfg(test)]
@@ -230,7 +227,7 @@ mod tests {
             let tolerance = if matches!(phase, Phase::Table(_)) { 2e-6 } else { 1e-11 };
             for (l, beta) in phase.moments(6).into_iter().enumerate() {
                 let integral: f64 =
-                    rule.iter().map(|&(c, w)| 2.0 * PI * w * phase.eval(c) * legendre(l as u32, c)).sum();
+                    rule.iter().map(|&(c, w)| 2.0 * PI * w * phase.eval(c) * legendre(c).nth(l).unwrap()).sum();
                 assert!((integral - beta).abs() < tolerance, "{phase:?} l={l}: {integral} against {beta}");
             }
             assert!((phase.moments(1)[0] - 1.0).abs() < 1e-12);

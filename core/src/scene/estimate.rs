@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, gram_error, healpix};
+use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, Window, gram_error, healpix};
 use crate::media::Phase;
 
 /// One estimator for each source of first-order light, and one for all further orders; without one, that light is left
@@ -173,6 +173,10 @@ pub struct Records {
     pub elimination: Elimination,
     /// How the light of each direction reaches the cells.
     pub solver: Solver,
+    /// Whether the environment's sun is lit as a directional light.
+    pub extract_sun: ExtractSun,
+    /// What fades the last bands: of the light where that is truncated, else of the phase function.
+    pub window: Window,
 }
 
 impl Default for Records {
@@ -185,6 +189,8 @@ impl Default for Records {
             interpolation: Interpolation::Trilinear,
             elimination: Elimination::Exact,
             solver: Solver::Sweep,
+            extract_sun: ExtractSun::Auto,
+            window: Window::None,
         }
     }
 }
@@ -197,6 +203,18 @@ pub enum Solver {
     Sweep,
     /// By a march from every cell that matters, as published ([`stage::Project`](crate::stage::Project)).
     March,
+}
+
+/// Whether the environment's sun is taken out of it and lit as a directional light
+/// ([`Environment::split`](crate::light::Environment::split)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExtractSun {
+    /// Where that brings the light in the medium nearer to the truth ([`Scene::sun`](crate::scene::Scene::sun)).
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
 }
 
 /// What a record holds.
@@ -337,6 +355,9 @@ pub enum EstimateError {
     /// Options that exclude each other.
     #[error("{0}")]
     Conflict(String),
+    /// A sun that cannot be taken out.
+    #[error("extract_sun = true {0}")]
+    Sun(&'static str),
 }
 
 impl Records {
@@ -476,7 +497,15 @@ impl Estimate {
             path.validate()?;
         }
         match &self.environment {
-            Some(EnvironmentEstimate::Records(records)) => records.validate(phase)?,
+            Some(EnvironmentEstimate::Records(records)) => {
+                records.validate(phase)?;
+                if records.extract_sun == ExtractSun::Always && self.lights.is_none() {
+                    return Err(EstimateError::Sun(
+                        "lights the sun by estimate.lights, which is \"none\"; give it \"opacity\" or \"direct\", or leave \
+                         extract_sun out",
+                    ));
+                }
+            }
             None => (),
         }
         if let Some(LightsEstimate::Opacity(opacity)) = &self.lights {

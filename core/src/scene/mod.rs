@@ -9,6 +9,7 @@ mod mesh;
 mod placement;
 mod quality;
 mod shapes;
+mod sun;
 
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ use glam::DVec3;
 pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
-    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, Interpolation,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
     LightsEstimate, Opacity, Orders, Path, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 pub use film::Film;
@@ -26,6 +27,7 @@ pub use mesh::{Material, Mesh, MeshError, Triangle};
 pub use placement::{Placement, normal_map};
 pub use quality::{Jitter, Quality};
 pub use shapes::Shape;
+pub use sun::{Extraction, Negative, Reason};
 
 use crate::light::{Environment, EnvironmentError, Light};
 use crate::media::{Medium, MediumError, Optics, OpticsError};
@@ -129,7 +131,18 @@ impl Scene {
             };
             return Err(SceneError::Quality { key, what: what.into() });
         }
-        Ok(self.estimate.validate(&self.optics.phase)?)
+        self.estimate.validate(&self.optics.phase)?;
+        if let (Some(EnvironmentEstimate::Records(records)), Some(environment)) =
+            (&self.estimate.environment, &self.environment)
+            && records.extract_sun == ExtractSun::Always
+            && environment.split().is_none()
+        {
+            return Err(EstimateError::Sun(
+                "asks for a sun, and no part of the environment within 10° stands out; leave extract_sun out",
+            )
+            .into());
+        }
+        Ok(())
     }
 }
 
@@ -138,7 +151,7 @@ mod tests {
     use super::*;
     use crate::media::Homogeneous;
 
-    fn fog(max: DVec3) -> Scene {
+    pub(super) fn fog(max: DVec3) -> Scene {
         Scene {
             camera: Camera {
                 origin: DVec3::new(3.0, 2.0, 4.0),

@@ -1,8 +1,10 @@
 //! `[estimate]` and `[quality]`.
 
+use airlight_core::basis::Window;
 use airlight_core::scene::{
-    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate,
-    Opacity, Orders, Path, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
+    LightsEstimate, Opacity, Orders, Path, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow,
+    Sweeps,
 };
 
 use super::error::Fault;
@@ -139,14 +141,7 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
         return Ok(None);
     }
     let default = Records::default();
-    table.or("window", (), |f| f.choice(&[("none", Some(())), ("hanning", None), ("lanczos", None)]))?;
     table.or("basis", (), |f| f.choice(&[("sh", Some(())), ("dsf", None), ("srbf", None)]))?;
-    if let Some(field) = table.wanted("extract_sun") {
-        if field.text().is_ok_and(|t| t != "auto") || (field.text().is_err() && field.flag().is_err()) {
-            return Err(field.wrong("it must be \"auto\", true or false"));
-        }
-        return Err(field.pending("available: false, the default until then"));
-    }
     let contents = [
         ("radiance", Some(Content::Radiance)),
         ("transmittance", Some(Content::Transmittance)),
@@ -160,6 +155,8 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
     };
     let solvers = [("sweep", Some(Solver::Sweep)), ("march", Some(Solver::March))];
     let interpolations = [("trilinear", Some(Interpolation::Trilinear)), ("nearest", Some(Interpolation::Nearest))];
+    let windows =
+        [("none", Some(Window::None)), ("hanning", Some(Window::Hanning)), ("lanczos", Some(Window::Lanczos))];
     Ok(Some(EnvironmentEstimate::Records(Records {
         cells: table.or("cells", default.cells, |f| f.whole(1..=Records::MAX_CELLS))?,
         bands: table.or("bands", default.bands, |f| f.whole(1..=Records::MAX_BANDS))?,
@@ -168,7 +165,23 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
         interpolation: table.or("interpolation", default.interpolation, |f| f.choice(&interpolations))?,
         elimination: table.or("elimination", default.elimination, |f| elimination(&f))?,
         solver: table.or("solver", solver, |f| f.choice(&solvers))?,
+        extract_sun: table.or("extract_sun", default.extract_sun, |f| extract_sun(&f))?,
+        window: table.or(
+            "window",
+            default.window,
+            |f| if f.is_none() { Ok(Window::None) } else { f.choice(&windows) },
+        )?,
     })))
+}
+
+fn extract_sun(field: &Field<'_>) -> Result<ExtractSun, Fault> {
+    match (field.text(), field.flag()) {
+        (Ok("auto"), _) => Ok(ExtractSun::Auto),
+        (_, Ok(true)) => Ok(ExtractSun::Always),
+        (_, Ok(false)) => Ok(ExtractSun::Never),
+        _ if field.is_none() => Ok(ExtractSun::Never),
+        _ => Err(field.wrong("it must be \"auto\", true or false")),
+    }
 }
 
 fn elimination(field: &Field<'_>) -> Result<Elimination, Fault> {

@@ -192,6 +192,7 @@ fn responsible(error: &SceneError) -> String {
         SceneError::Background { .. } => "background",
         SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("estimate.environment.{key}"),
         SceneError::Estimate(EstimateError::Conflict(_)) => "estimate.environment.content",
+        SceneError::Estimate(EstimateError::Sun(_)) => "estimate.environment.extract_sun",
         SceneError::Eye(_) => "camera.origin",
         SceneError::Quality { key, .. } => return format!("quality.{key}"),
     };

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use airlight_core::basis::Window;
 use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
-    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, Interpolation, Jitter, LightsEstimate,
-    Opacity, Orders, Path as Paths, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow,
-    Sweeps,
+    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
+    LightsEstimate, Opacity, Orders, Path as Paths, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver,
+    SurfaceShadow, Sweeps,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -124,7 +125,7 @@ fn every_key_that_is_built_arrives() {
         [estimate]
         environment = { kind = \"records\", cells = 20, bands = 4, basis = \"sh\", directions = 192, content = \"phase\", \
             interpolation = \"nearest\", elimination = { kind = \"probes\", n = 5 }, solver = \"march\", \
-            extract_sun = false, window = \"none\" }
+            extract_sun = false, window = \"lanczos\" }
         lights = { kind = \"direct\", shadow = \"none\", surface_shadow = \"none\" }
         scattering = \"none\"
         [quality]
@@ -159,6 +160,8 @@ fn every_key_that_is_built_arrives() {
         interpolation: Interpolation::Nearest,
         elimination: Elimination::Probes(5),
         solver: Solver::March,
+        extract_sun: ExtractSun::Never,
+        window: Window::Lanczos,
     };
     assert_eq!(scene.estimate.environment, Some(EnvironmentEstimate::Records(records)));
     assert_eq!(
@@ -346,6 +349,14 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(surfaces("\"direct\""), Some(SurfaceShadow::Map(512)));
     assert_eq!(surfaces("\"opacity\", surface_shadow = \"ray\""), Some(SurfaceShadow::Ray));
     assert_eq!(surfaces("\"direct\", surface_shadow = { kind = \"map\", texels = 96 }"), Some(SurfaceShadow::Map(96)));
+    let records = |text: &str| match estimate(&format!("environment = {{ {text} }}")).environment {
+        Some(EnvironmentEstimate::Records(r)) => (r.extract_sun, r.window),
+        None => panic!("no records"),
+    };
+    assert_eq!(records(""), (ExtractSun::Auto, Window::None));
+    assert_eq!(records("extract_sun = \"auto\", window = \"hanning\""), (ExtractSun::Auto, Window::Hanning));
+    assert_eq!(records("extract_sun = true, window = false"), (ExtractSun::Always, Window::None));
+    assert_eq!(records("extract_sun = \"none\", window = \"none\""), (ExtractSun::Never, Window::None));
     let elimination = |text: &str| match estimate(&format!("environment.elimination = {text}")).environment {
         Some(EnvironmentEstimate::Records(r)) => r.elimination,
         None => panic!("no records"),

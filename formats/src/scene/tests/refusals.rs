@@ -101,6 +101,20 @@ fn what_the_scene_itself_refuses_has_a_line_too() {
 }
 
 #[test]
+fn suns_that_cannot_be_taken_out_are_told() {
+    assert_eq!(
+        told("[estimate]\nenvironment = { extract_sun = true }\nlights = \"none\""),
+        "8:31: estimate.environment.extract_sun: extract_sun = true lights the sun by estimate.lights, which is \"none\"; \
+         give it \"opacity\" or \"direct\", or leave extract_sun out"
+    );
+    assert_eq!(
+        told("[environment]\nradiance = 1\n[estimate]\nenvironment = { extract_sun = true }"),
+        "10:31: estimate.environment.extract_sun: extract_sun = true asks for a sun, and no part of the environment within \
+         10° stands out; leave extract_sun out"
+    );
+}
+
+#[test]
 fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
     for (text, expected) in [
         ("[background]\ncolour = \"a.exr\"", "8:1: unknown key `colour` in background; did you mean `color`?"),
@@ -154,10 +168,6 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:26: estimate.environment.solver = \"guess\"; it must be \"sweep\" or \"march\"",
         ),
         (
-            "[estimate]\nenvironment = { extract_sun = \"auto\" }",
-            "8:31: estimate.environment.extract_sun = \"auto\" is not built yet; available: false, the default until then",
-        ),
-        (
             "[estimate]\nenvironment = { extract_sun = 3 }",
             "8:31: estimate.environment.extract_sun = 3; it must be \"auto\", true or false",
         ),
@@ -166,8 +176,8 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:25: estimate.environment.basis = \"dsf\" is not built yet; available: \"sh\"",
         ),
         (
-            "[estimate]\nenvironment = { window = \"hanning\" }",
-            "8:26: estimate.environment.window = \"hanning\" is not built yet; available: \"none\"",
+            "[estimate]\nenvironment = { window = \"hann\" }",
+            "8:26: estimate.environment.window = \"hann\"; it must be \"none\", \"hanning\" or \"lanczos\"",
         ),
     ] {
         assert_eq!(told(text), expected);
