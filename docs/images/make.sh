@@ -13,11 +13,14 @@ out=docs/images
 "$airlight" render scenes/fog-room.toml --samples 4 -o $out/fog-room.png
 "$airlight" render scenes/ember.toml -o $out/ember.png
 
+# What single scattering leaves of a cumulus.
+"$airlight" render scenes/cumulus.toml --set estimate.scattering=none -o $out/cumulus-single.png
+
 # Figure 3 of Delalandre, Gautron and Marvie (2013): one cloud under a full sky, and under nine coefficients of it.
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 sky=(--size 640x360 --set environment.file="$PWD/scenes/studio.exr" --set environment.scale=8 --set environment.visible=false
-    --set medium.anisotropy=0 --set estimate.lights=none --set estimate.environment.cells=64)
+    --set medium.anisotropy=0 --set estimate.lights=none --set estimate.scattering=none --set estimate.environment.cells=64)
 "$airlight" render scenes/cumulus.toml "${sky[@]}" --set estimate.environment.directions=768 \
     -o $out/figure-3-full-sky.png -o "$work/full.exr"
 "$airlight" render scenes/cumulus.toml "${sky[@]}" --set estimate.environment.content=transmittance \
