@@ -5,6 +5,7 @@
 //! ```
 
 mod lights;
+mod orders;
 mod sequences;
 
 use std::error::Error;
@@ -266,6 +267,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     lights::columns(&mut page, &subject)?;
     lights::shadows(&mut page, &subject)?;
     sequences::steps(&mut page, &subject)?;
+    orders::orders(&mut page, &subject)?;
     match args.output {
         Some(path) => std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?,
         None => print!("{page}"),
