@@ -280,6 +280,10 @@ mod tests {
         for scene in [dark, even] {
             assert!(matches!(scene.validate(), Err(SceneError::Estimate(EstimateError::Sun(_)))));
         }
+        // A sky that fades out is no mistake.
+        let mut night = scene.clone();
+        night.environment.as_mut().unwrap().scale = glam::Vec3::ZERO;
+        assert_eq!((night.validate(), night.lit().lights.len()), (Ok(()), 0));
         records(&mut scene).extract_sun = ExtractSun::Never;
         assert_eq!(scene.sun().map(|sun| (sun.taken, sun.reason)), Some((false, Reason::Refused)));
         assert!(matches!(scene.lit(), Cow::Borrowed(_)));
