@@ -132,6 +132,8 @@ pub(crate) fn run(options: &Options) -> Done {
     }
     if options.json {
         let devices: Vec<_> = subjects.iter().map(devices::device).collect();
+        let not_fitting = left_out.iter().map(|(name, why)| json!({ "estimators": name, "reason": why }));
+        let not_fitting: Vec<_> = not_fitting.collect();
         output::json(&json!({
             "version": env!("CARGO_PKG_VERSION"),
             "scene": options.scene.display().to_string(),
@@ -140,7 +142,7 @@ pub(crate) fn run(options: &Options) -> Done {
             "truth": told.truth_values(),
             "flip_tone_map": TONE_MAP,
             "entries": rows.iter().map(Row::values).collect::<Vec<_>>(),
-            "left_out": left_out.iter().map(|(name, why)| json!({ "estimators": name, "reason": why })).collect::<Vec<_>>(),
+            "left_out": not_fitting,
             "absent": absent,
             "warnings": warnings,
         }))?;
@@ -400,8 +402,8 @@ const COLUMNS: [&str; 11] = [
 
 /// What the times and errors are.
 const NOTE: &str = "Errors of linear RGB against the truth; blocks are means of 8 × 8 pixels, with less of its noise. \
-                    Prepare: from opening the device to the first picture. Frame: the median of pictures of an eye that \
-                    moves a little from one to the next. Memory: what the plan holds on the device.";
+                    Prepare: from opening the device to the first picture. Frame: the median of pictures of an eye \
+                    that moves a little from one to the next. Memory: what the plan holds on the device.";
 
 /// What is said of a comparison.
 struct Told<'a> {

@@ -19,15 +19,15 @@ pub(crate) fn cases() -> Vec<Case> {
     vec![
         Case::new(
             "suns::extracted_against_brute_force",
-            "Under a sun of 6° in a dim sky, records of three bands with the sun taken out are brute force's; with it they are \
-             off by more than twice as much.",
+            "Under a sun of 6° in a dim sky, records of three bands with the sun taken out are brute force's; with it they \
+             are off by more than twice as much.",
             extracted,
         )
         .within(&tolerance::BRUTE_HALF_VOXEL)
         .permutes(&forms()),
         Case::new(
             "suns::a_light_like_any_other",
-            "A sun that is taken out is the directional light, and its sky the environment, that a scene could give itself.",
+            "A sun that is taken out is the directional light, and its sky the environment, that a scene could give.",
             by_hand,
         )
         .permutes(&forms()),
@@ -88,8 +88,8 @@ fn sky() -> Environment {
     sky
 }
 
-/// The light of [`sky`] from a few directions: the even part from as many as make a smooth integrand exact, the rest from
-/// where the picture is brighter.
+/// The light of [`sky`] from a few directions: the even part from as many as make a smooth integrand exact, the rest
+/// from where the picture is brighter.
 fn parts(sky: &Environment) -> Vec<(DVec3, DVec3)> {
     const EVEN: u32 = 6;
     const ROWS: u32 = 240;

@@ -36,8 +36,8 @@ fn every_estimator_that_fits_is_held_to_the_truth() {
         assert!(row["fault"].is_null() && number("device_bytes") > 0.0, "{row:#}");
         assert!(row["seconds"]["prepare"].as_f64().is_some() && row["seconds"]["frame"].as_f64().is_some(), "{row:#}");
         let shadowed = row["lights"] != "direct, none";
-        // The truth's own noise, and what four sub-pixel positions and cells of a sixth of the box leave: a few per cent. A
-        // light without a shadow is off by half.
+        // The truth's own noise, and what four sub-pixel positions and cells of a sixth of the box leave: a few per
+        // cent. A light without a shadow is off by half.
         assert_eq!(number("relative_l2") < 0.05 + 2.0 * noise, shadowed, "{row:#}");
         assert!((0.0..=1.0).contains(&number("flip")), "{row:#}");
         assert!(number("relative_l2_of_blocks") < number("relative_l2"), "{row:#}");

@@ -1,10 +1,10 @@
 //! Windows against ringing: factors of the bands of a truncated expansion, which fall from one to nearly zero.
 //!
 //! An expansion that ends abruptly swings around what it stands for, and below zero beside a small bright light. Fading
-//! its last bands trades that for blur: a product in each band is a convolution with a rotationally symmetric kernel. The
-//! forms are the usual two of signal processing as P.-P. Sloan gives them for spherical harmonics ("Stupid Spherical
-//! Harmonics (SH) Tricks", 2008), as wide as there are bands: the first band left out is where the window is zero. Band 0
-//! and with it the mean stay.
+//! its last bands trades that for blur: a product in each band is a convolution with a rotationally symmetric kernel.
+//! The forms are the usual two of signal processing as P.-P. Sloan gives them for spherical harmonics ("Stupid
+//! Spherical Harmonics (SH) Tricks", 2008), as wide as there are bands: the first band left out is where the window is
+//! zero. Band 0 and with it the mean stay.
 
 use std::f64::consts::PI;
 
@@ -22,7 +22,8 @@ pub enum Window {
     Lanczos,
 }
 
-/// n of the 12·n² directions in which [`ringing`] looks: 3.7° apart, where the highest band that devices know swings every 18°.
+/// n of the 12·n² directions in which [`ringing`] looks: 3.7° apart, where the highest band that devices know swings
+/// every 18°.
 const NSIDE: u32 = 16;
 
 /// How many directions [`ringing`] looks in.
@@ -48,9 +49,11 @@ impl Window {
 /// How far a function falls below zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ringing {
-    /// Of [`DIRECTIONS`] directions, spread evenly over the sphere, those where a channel is below zero by more than rounding.
+    /// Of [`DIRECTIONS`] directions, spread evenly over the sphere, those where a channel is below zero by more than
+    /// rounding.
     pub negative: usize,
-    /// The lowest value below zero as a share of the largest of its channel, the worst channel's; 0 where there is none.
+    /// The lowest value below zero as a share of the largest of its channel, the worst channel's; 0 where there is
+    /// none.
     pub depth: f64,
 }
 
@@ -119,7 +122,8 @@ mod tests {
             };
             let share = (0..steps).filter(|&i| series(i) < 0.0).count() as f64 / f64::from(steps);
             let extremes = (0..steps).map(series).fold((0.0f64, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
-            // Pixels along the two or three circles where it changes its sign: some hundred of 3072, half of them either way.
+            // Pixels along the two or three circles where it changes its sign: some hundred of 3072, half of them
+            // either way.
             assert!((found.negative as f64 / DIRECTIONS as f64 - share).abs() < 0.02, "{found:?} {share}");
             // The extremes lie up to half of 3.7° from a pixel's centre, where the highest band swings every 90°.
             assert!((found.depth / (-extremes.0 / extremes.1) - 1.0).abs() < 0.05, "{found:?} {extremes:?}");

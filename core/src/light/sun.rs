@@ -1,10 +1,11 @@
 //! The sun of an environment: its brightest compact part as a directional light, and the environment without it.
 //!
 //! Which texels are the sun's: those that are connected to the brightest one through texels brighter than a threshold,
-//! the lowest for which none of them is more than [`REACH`] from it, but at least [`FAINT`] of the brightest. So a disc in
-//! an even sky is taken whole with its rim, and of a glow that fades slowly the middle. They are lowered, in each channel,
-//! to the mean of the texels around them. What the integrals of the picture lose by that is the sun's: both parts
-//! together are the whole. All of this belongs to the picture, before scale and rotation, and is worked out once for it.
+//! the lowest for which none of them is more than [`REACH`] from it, but at least [`FAINT`] of the brightest. So a disc
+//! in an even sky is taken whole with its rim, and of a glow that fades slowly the middle. They are lowered, in each
+//! channel, to the mean of the texels around them. What the integrals of the picture lose by that is the sun's: both
+//! parts together are the whole. All of this belongs to the picture, before scale and rotation, and is worked out once
+//! for it.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -18,8 +19,8 @@ use super::{Environment, Image};
 use crate::Version;
 use crate::basis::SphericalHarmonics;
 
-/// The farthest that a texel of the sun may be from the brightest, radians: a disc of half of it is taken whole wherever
-/// in it the brightest texel is.
+/// The farthest that a texel of the sun may be from the brightest, radians: a disc of half of it is taken whole
+/// wherever in it the brightest texel is.
 const REACH: f64 = 15.0 * PI / 180.0;
 
 /// The least luminance of a texel of the sun, as a share of the brightest.
@@ -89,8 +90,8 @@ impl Content {
 }
 
 impl Environment {
-    /// The environment without its sun, and the sun; none where nothing compact stands out. Worked out once for a picture,
-    /// whatever scale and rotation.
+    /// The environment without its sun, and the sun; none where nothing compact stands out. Worked out once for a
+    /// picture, whatever scale and rotation.
     pub fn split(&self) -> Option<Split> {
         let parts = self.content.parts.get_or_init(|| parts(&self.content)).as_ref()?;
         let scale = self.scale.as_dvec3();
@@ -107,13 +108,13 @@ impl Environment {
         Some(Split { sun, rest: Self { content: parts.rest.clone(), ..self.clone() } })
     }
 
-    /// What it costs in-scattered light to know only the first `bands` bands of this environment, and what it costs to know
-    /// only those of the rest but the whole sun, as a directional light; none where there is no sun.
+    /// What it costs in-scattered light to know only the first `bands` bands of this environment, and what it costs to
+    /// know only those of the rest but the whole sun, as a directional light; none where there is no sun.
     ///
-    /// In-scattered light is ∫ K(ω·a) L(ω) dω in luminance, for a kernel K given by its Legendre moments `kernel`, as many as
-    /// there are (32 at most count), and the error is the root mean square over all axes a, relative to the light's own. By
-    /// Funk–Hecke and Parseval it is a sum over bands, and turning the environment does not change it. Light that is moved
-    /// from the sun's disc to its middle counts as an error too.
+    /// In-scattered light is ∫ K(ω·a) L(ω) dω in luminance, for a kernel K given by its Legendre moments `kernel`, as
+    /// many as there are (32 at most count), and the error is the root mean square over all axes a, relative to the
+    /// light's own. By Funk–Hecke and Parseval it is a sum over bands, and turning the environment does not change it.
+    /// Light that is moved from the sun's disc to its middle counts as an error too.
     pub fn cost(&self, kernel: &[f64], bands: u32) -> Option<Cost> {
         let parts = self.content.parts.get_or_init(|| parts(&self.content)).as_ref()?;
         let scale = self.scale.as_dvec3();
@@ -148,8 +149,8 @@ impl Content {
     }
 }
 
-/// Legendre moments of a half-space's shadow, as a share of the first: the transmittance beside a thick medium, one over
-/// half the sphere and zero over the other. ∫ P_l from 0 to 1.
+/// Legendre moments of a half-space's shadow, as a share of the first: the transmittance beside a thick medium, one
+/// over half the sphere and zero over the other. ∫ P_l from 0 to 1.
 pub fn half_space(bands: u32) -> Vec<f64> {
     let mut moments = vec![1.0, 0.5];
     for l in 2..bands as usize {
@@ -196,13 +197,14 @@ fn parts(content: &Arc<Content>) -> Option<Parts> {
     compact.then(|| Parts { rest, whole: DVec3::from(all[0]) * (4.0 * PI).sqrt(), flux, moments })
 }
 
-/// The texels of the sun; none where the brightest texel is no brighter than a way out of its surroundings, or all is dark.
+/// The texels of the sun; none where the brightest texel is no brighter than a way out of its surroundings, or all is
+/// dark.
 fn brightest(image: &Image) -> Option<Vec<usize>> {
     let luminance = |i: usize| DVec3::from(image.texels[i].map(f64::from)).dot(LUMINANCE);
     let most = (0..image.texels.len()).max_by(|&a, &b| luminance(a).total_cmp(&luminance(b)).then(b.cmp(&a)))?;
     let (middle, least) = (direction(image, most), FAINT * luminance(most));
-    // From the brightest on, always the brightest texel that touches those so far: `lowest` falls whenever the way leads
-    // through darker ones, and the texels taken before are connected through brighter ones.
+    // From the brightest on, always the brightest texel that touches those so far: `lowest` falls whenever the way
+    // leads through darker ones, and the texels taken before are connected through brighter ones.
     let mut seen = vec![false; image.texels.len()];
     seen[most] = true;
     // Luminance is at least 0, where the order of floats is that of their bits.
@@ -285,7 +287,8 @@ mod tests {
         DVec3::new(0.4, 0.6, -0.7).normalize()
     }
 
-    /// ∫ L dω and ∫ L ω dω of a difference of two environments, by a plain sum over what [`Environment::radiance`] says.
+    /// ∫ L dω and ∫ L ω dω of a difference of two environments, by a plain sum over what [`Environment::radiance`]
+    /// says.
     fn sums(a: &Environment, b: &Environment) -> (DVec3, DVec3) {
         let (w, h) = (FINE * a.image().width, FINE * a.image().height);
         let (mut flux, mut moment) = (DVec3::ZERO, DVec3::ZERO);

@@ -135,6 +135,7 @@ impl Scene {
         if let (Some(EnvironmentEstimate::Records(records)), Some(environment)) =
             (&self.estimate.environment, &self.environment)
             && records.extract_sun == ExtractSun::Always
+            && environment.scale != glam::Vec3::ZERO
             && environment.split().is_none()
         {
             return Err(EstimateError::Sun(

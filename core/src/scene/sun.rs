@@ -56,8 +56,8 @@ impl fmt::Display for Reason {
                 let [whole, split] = percent(cost);
                 write!(
                     f,
-                    "truncation costs {whole} of the in-scattered light with the sun in the environment, {split} apart: too \
-                     little gain"
+                    "truncation costs {whole} of the in-scattered light with the sun in the environment, {split} apart: \
+                     too little gain"
                 )
             }
         }
@@ -82,10 +82,10 @@ impl Scene {
     /// The environment's sun, where records light the medium by the environment and it has one.
     ///
     /// `auto` takes it out where that lessens the error of what records cut off by at least [`Extraction::GAIN`], as
-    /// [`Environment::cost`] knows it for the kernel that in-scattered light is made by: with `transmittance`, where the light
-    /// is cut to `bands`, the shadow of a thick medium over half the sphere; with `radiance`, where the phase function is, the
-    /// phase function; with `phase` whichever gains more. It does not depend on where the sun stands, so that it does not
-    /// change while the environment turns.
+    /// [`Environment::cost`] knows it for the kernel that in-scattered light is made by: with `transmittance`, where
+    /// the light is cut to `bands`, the shadow of a thick medium over half the sphere; with `radiance`, where the phase
+    /// function is, the phase function; with `phase` whichever gains more. It does not depend on where the sun stands,
+    /// so that it does not change while the environment turns.
     pub fn sun(&self) -> Option<Extraction> {
         let (records, environment) = (self.records()?, self.environment.as_ref()?);
         let split = environment.split()?;
@@ -101,7 +101,8 @@ impl Scene {
         Some(Extraction { split, taken, reason })
     }
 
-    /// The scene as estimators light it: where the sun is taken out, with the rest of the environment and one more light.
+    /// The scene as estimators light it: where the sun is taken out, with the rest of the environment and one more
+    /// light.
     pub fn lit(&self) -> Cow<'_, Self> {
         let taken = || {
             // Most scenes are spared the search.
@@ -133,8 +134,8 @@ impl Scene {
         }
     }
 
-    /// How far the light that records make of the environment (without its sun where that is taken out) falls below zero;
-    /// none without records or environment.
+    /// How far the light that records make of the environment (without its sun where that is taken out) falls below
+    /// zero; none without records or environment.
     ///
     /// With `transmittance` and `phase` it is the truncated environment; with `radiance` what an unshadowed point
     /// scatters, for all directions of view.
@@ -162,8 +163,8 @@ impl Records {
         }
     }
 
-    /// The window's factors of those bands' functions. Where the phase function ends within the bands nothing is cut off,
-    /// and there is nothing to fade.
+    /// The window's factors of those bands' functions. Where the phase function ends within the bands nothing is cut
+    /// off, and there is nothing to fade.
     pub fn window_factors(&self, phase: &Phase) -> impl Iterator<Item = f64> + use<> {
         let window = if self.cuts_nothing(phase) { Window::None } else { self.window };
         window.factors(self.bands_of(phase))
@@ -279,6 +280,10 @@ mod tests {
         for scene in [dark, even] {
             assert!(matches!(scene.validate(), Err(SceneError::Estimate(EstimateError::Sun(_)))));
         }
+        // A sky that fades out is no mistake.
+        let mut night = scene.clone();
+        night.environment.as_mut().unwrap().scale = glam::Vec3::ZERO;
+        assert_eq!((night.validate(), night.lit().lights.len()), (Ok(()), 0));
         records(&mut scene).extract_sun = ExtractSun::Never;
         assert_eq!(scene.sun().map(|sun| (sun.taken, sun.reason)), Some((false, Reason::Refused)));
         assert!(matches!(scene.lit(), Cow::Borrowed(_)));
