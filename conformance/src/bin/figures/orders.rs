@@ -18,7 +18,10 @@ pub(super) fn orders(page: &mut String, subject: &Subject) -> Result<(), Box<dyn
 
 fn pictures_of_all_orders(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
     writeln!(page, "## All orders of scattering\n")?;
-    writeln!(page, "Relative L2 of means over blocks of 8 × 8 pixels, against path traced pictures of another renderer.\n")?;
+    writeln!(
+        page,
+        "Relative L2 of means over blocks of 8 × 8 pixels, against path traced pictures of another renderer.\n"
+    )?;
     writeln!(page, "| picture | by | blocks, relative L2 | limit |\n| --- | --- | --- | --- |")?;
     for picture in scattering::multiple() {
         let found = picture.measure(subject).map_err(told)?;
@@ -30,13 +33,16 @@ fn pictures_of_all_orders(page: &mut String, subject: &Subject) -> Result<(), Bo
 
 /// Sweeps until convergence, by albedo.
 fn convergence(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
-    writeln!(page, "Sweeps until one changes no more than 10⁻³ of the light, and plainly, without acceleration, in the")?;
+    writeln!(
+        page,
+        "Sweeps until one changes no more than 10⁻³ of the light, and plainly, without acceleration, in the"
+    )?;
     writeln!(page, "reference density of up to 22 optical depths under its environment; 32 cells, 48 directions.\n")?;
     writeln!(page, "| albedo | sweeps | error | as many plain orders, error |\n| --- | --- | --- | --- |")?;
     for albedo in [0.5, 0.9, 0.99, 0.999, 1.0] {
         let at = |orders: Orders| -> Result<_, Box<dyn Error>> {
             let mut scene = pictures::in_environment(Records::default()).map_err(told)?;
-            scene.optics = Optics::grey(35.0, albedo);
+            scene.optics = Optics::grey(54.0, albedo);
             (scene.camera.width, scene.camera.height, scene.camera.samples) = (80, 60, 1);
             let sweeps = Sweeps { cells: 32, orders, ..Sweeps::default() };
             scene.estimate.scattering = Some(ScatteringEstimate::Sweeps(sweeps));
@@ -54,9 +60,15 @@ fn convergence(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error
 
 fn swept_records(page: &mut String, subject: &Subject) -> Result<(), Box<dyn Error>> {
     writeln!(page, "## Records by sweeps\n")?;
-    writeln!(page, "Against records by marches at the same cells along the same 48 directions: relative L2 of the picture,")?;
+    writeln!(
+        page,
+        "Against records by marches at the same cells along the same 48 directions: relative L2 of the picture,"
+    )?;
     writeln!(page, "and the seconds of the stages that make the records.\n")?;
-    writeln!(page, "| content | cells | sweeps against marches | sweeps, s | marches, s |\n| --- | --- | --- | --- | --- |")?;
+    writeln!(
+        page,
+        "| content | cells | sweeps against marches | sweeps, s | marches, s |\n| --- | --- | --- | --- | --- |"
+    )?;
     for content in [Content::Radiance, Content::Transmittance] {
         for cells in [25, 50, 72] {
             let by = |solver| {
