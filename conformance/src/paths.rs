@@ -385,7 +385,7 @@ fn once(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut marched = scene.clone();
     (marched.camera.samples, marched.quality.step) = (64, 0.25);
     let direct = Direct { shadow: Shadow::March, surface_shadow: SurfaceShadow::Ray };
-    marched.estimate = Estimate { environment: None, lights: Some(LightsEstimate::Direct(direct)), all: None };
+    marched.estimate = Estimate { lights: Some(LightsEstimate::Direct(direct)), ..Estimate::none() };
     let flat = |film: &Film| blocks(&film.beauty, 32, 24).as_flattened().to_vec();
     let expected = flat(&renderer.render(&marched)?.film);
     let films = several(&mut renderer, &traced(scene, 24, Some(1)), record)?;
