@@ -335,7 +335,7 @@ float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
             Ray ray = through(at, to_index(bound, light.toward), size, light.distance, bound->params->step);
             optical = shadow == SHADOW_MARCH ? column(bound, &ray, blocks(bound)) : optical * (ray.step * ray.steps);
         }
-        float3 transmittance = exp(-optical * bound->params->extinction.xyz);
+        float3 transmittance = exp(-optical * bound->params->light_extinction.xyz);
         sum += scale * transmittance * bound->lights[i].power.xyz;
     }
     return sum;

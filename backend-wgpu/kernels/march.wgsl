@@ -297,7 +297,7 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
                 optical *= ray.step * ray.steps;
             }
         }
-        let transmittance = exp(-optical * params.extinction.xyz);
+        let transmittance = exp(-optical * params.light_extinction.xyz);
         sum += scale * transmittance * record.power.xyz;
     }
     return sum;

@@ -134,6 +134,7 @@ pub(crate) fn run(options: &Options) -> Done {
         let rendering = begin.elapsed() - loading;
         let picture = Picture { frame, scene: &scene, info: &info, rendered: &rendered, outputs, loading, rendering };
         meter.clear();
+        warn(unsolved(&rendered), &mut warnings);
         let metadata = picture.metadata(options);
         for path in outputs {
             write_film(path, &rendered.film, &metadata, tone).map_err(|e| told(Failure::output(e)))?;
@@ -175,6 +176,19 @@ fn limit_time(options: &Options, scene: &mut Scene) -> Done {
             Err(Failure::input(format!("{}: {what}", options.scene.display())))
         }
     }
+}
+
+/// That scattering did not converge.
+fn unsolved(rendered: &Rendered) -> Vec<String> {
+    let left = rendered.report.solved.iter().filter(|solved| !solved.converged);
+    left.map(|solved| {
+        format!(
+            "scattering has not converged: the last of {} sweeps still changed {:.1e} of the light; a larger \
+             estimate.scattering.tolerance asks for less",
+            solved.sweeps, solved.residual
+        )
+    })
+    .collect()
 }
 
 /// Says each warning once.

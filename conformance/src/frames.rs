@@ -181,11 +181,12 @@ fn scenes() -> Axis<Scene> {
     scenes.push(("surfaces with maps", surfaces));
     // So many orders: the iteration toward convergence takes what it combines from rounded sums.
     let orders = |mut scene: Scene, bands: u32| {
-        let sweeps = Sweeps { cells: 11, bands, orders: Orders::Count(5), ..Sweeps::default() };
+        let sweeps = Sweeps { cells: 6, bands, orders: Orders::Count(5), ..Sweeps::default() };
         scene.estimate.scattering = Some(ScatteringEstimate::Sweeps(sweeps));
         scene
     };
-    let swept = |content| Records { solver: Solver::Sweep, ..records(content, 3) };
+    // Moments and radiance are bound whole: few enough cells for the smallest limits.
+    let swept = |content| Records { cells: 6, solver: Solver::Sweep, ..records(content, 3) };
     scenes.push(("swept records", lit(glowing(chromatic(hg())), swept(radiance))));
     scenes.push(("swept transmittance", lit(grey(Phase::Isotropic), swept(Content::Transmittance))));
     scenes.push(("five orders", orders(with_lights(lit(grey(Phase::Isotropic), swept(radiance))), 3)));

@@ -7,7 +7,7 @@ use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Image, Light, Split};
 use airlight::media::Phase;
 use airlight::reference::BruteForce;
-use airlight::scene::{Content, EnvironmentEstimate, ExtractSun, Records, Scene};
+use airlight::scene::{Content, EnvironmentEstimate, ExtractSun, Records, Scene, Solver};
 use libtest_mimic::Failed;
 
 use crate::compare::compare;
@@ -112,7 +112,10 @@ fn scene(content: Content, phase: Phase, extract_sun: ExtractSun) -> Scene {
     let mut scene = cloud(Map::Rotated, DIMS, grey(phase));
     scene.environment = Some(sky());
     scene.quality.step = 0.5;
-    let records = Records { cells: HALF_VOXEL, bands: 3, directions: 192, content, extract_sun, ..Records::default() };
+    // Marches, whose shadows are exact.
+    let (solver, directions) = (Solver::March, 192);
+    let records =
+        Records { cells: HALF_VOXEL, bands: 3, directions, content, solver, extract_sun, ..Records::default() };
     scene.estimate.environment = Some(EnvironmentEstimate::Records(records));
     scene
 }

@@ -109,7 +109,7 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         surface: read.opt(stage.surface)?,
         mesh: Mesh::new(read.opt(stage.mesh)?, p.nodes),
         shadow_map: read.opt(stage.shadow_map)?,
-        grey: p.extinction[0] == p.extinction[1] && p.extinction[1] == p.extinction[2],
+        grey: [p.extinction, p.light_extinction].iter().all(|e| e[0] == e[1] && e[1] == e[2]),
     };
     let mut out = out.into_iter().map(bytemuck::cast_slice_mut::<u8, Kept>);
     let (film, paths) = (out.next().unwrap_or_default(), out.next().unwrap_or_default());
@@ -500,7 +500,7 @@ fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, li
         let mut transmittance = F::ONE;
         for c in 0..3 {
             if c == 0 || !inputs.grey {
-                transmittance = (column * -p.extinction[c]).exp_negative();
+                transmittance = (column * -p.light_extinction[c]).exp_negative();
             }
             light[c] = light[c] + scale * transmittance * record.power[c];
         }

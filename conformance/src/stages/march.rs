@@ -134,6 +134,8 @@ fn host(set: &Set) -> Host {
     [p.index_x, p.index_y, p.index_z] = grid.index;
     p.eye = rgb(lattice.world_to_index().transform_point3(camera.origin).as_vec3());
     [p.forward, p.right, p.up] = camera.axes().map(|a| rgb(a.as_vec3()));
+    // Of a similar medium.
+    p.light_extinction = rgb(optics.extinction * Vec3::new(0.7, 0.8, 0.9));
     (p.extinction, p.albedo, p.emission) = (rgb(optics.extinction), rgb(optics.albedo), rgb(optics.emission));
     (p.full_width, p.full_height, p.samples) = (camera.width, camera.height, camera.samples);
     (p.width, p.height) = (camera.width.div_ceil(set.scale), camera.height.div_ceil(set.scale));

@@ -8,7 +8,7 @@ mod ordinates;
 mod records;
 mod sweeps;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::device::{Buf, Field};
 use crate::exec::{Plan, RenderError};
@@ -141,6 +141,8 @@ pub struct Sources {
     pub field: Option<InScatter>,
     /// The same of further orders.
     pub scattered: Option<InScatter>,
+    /// Extinction per unit of density on the way to the lights, 1/m, where it is that of a similar medium.
+    pub light_extinction: Option<Vec3>,
     /// Lights that are evaluated at every view sample.
     pub lights: Option<Lights>,
 }

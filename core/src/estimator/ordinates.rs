@@ -118,7 +118,7 @@ impl<'a> Ordinates<'a> {
         let [x, y, z] = self.cells;
         let each = self.count().saturating_mul(u64::from(of.channels) * 4).max(1);
         let directions = of.directions.len as u32;
-        let batch = (BATCH / each).clamp(1, directions.into()) as u32;
+        let batch = (BATCH.min(plan.binding_bytes()) / each).clamp(1, directions.into()) as u32;
         let mut params = SweepParams::zeroed();
         params.cells = [x, y, z, x.max(y).max(z)];
         (params.directions, params.batch) = (directions, batch);

@@ -9,9 +9,9 @@
 //! A phase function that reaches further than the bands is made similar (δ-scaling; Joseph, Wiscombe and Weinman 1976): the
 //! share f = β_L of its first moment beyond them goes on as if it had not been scattered, and β'_l = (β_l - f)/(1 - f). What
 //! the similar medium holds, b' + x', stands for all light; without the first order that the march adds with the medium's own
-//! extinction, b, it is b' + x' - b. Of that, b' - b is light that went on: of an analytic light it still comes from one
-//! direction, and scattered once more the share f of it goes on again, where only an eye that looks at the light would see
-//! it; the rest is scattered by β_l - f. Three bands of β_l themselves would ring on it, and darken thin edges below zero.
+//! extinction, b, it is b' + x' - b. Of analytic lights, b' still comes from one direction each, where three bands of β_l would
+//! ring: the march takes their first order through the similar medium instead, with the whole phase function (as the TMS
+//! method of Nakajima and Tanaka 1988 does), and no more than x' is added.
 
 use std::f64::consts::PI;
 
@@ -39,24 +39,25 @@ impl Estimator for Sweeps {
         plan: &mut Plan<'a>,
         sources: &mut Sources,
     ) -> Result<(), RenderError> {
-        if scene.optics.albedo == Vec3::ZERO || self.orders == Orders::Count(1) {
+        let estimate = &scene.estimate;
+        let around = scene.environment.is_some() || medium.emission.is_on();
+        let lit = estimate.environment.is_some() && around || estimate.lights.is_some() && !scene.lights.is_empty();
+        if !lit || scene.optics.albedo == Vec3::ZERO || self.orders == Orders::Count(1) {
             return Ok(());
         }
         let mut setup = Setup::new(self, scene, medium);
         setup.ordinates.obstruct("obstructions", sources.mesh, plan);
         let optics = setup.ordinates.coarsen("cells", setup.forward, plan);
-        let mut parts = setup.unscattered("", optics, setup.forward, sources, plan);
-        if parts.is_empty() {
-            return Ok(());
-        }
-        if setup.forward > 0.0 {
+        let mut parts = setup.unscattered("", optics, setup.forward, plan);
+        if setup.forward > 0.0 && !parts.is_empty() {
+            parts.iter_mut().for_each(|part| part.out = 1.0);
             let optics = setup.ordinates.coarsen("own cells", 0.0, plan);
-            let own = setup.unscattered("own ", optics, 0.0, sources, plan);
-            parts.extend(own.into_iter().map(|part| Part {
-                source: 0.0,
-                out: part.out.iter().map(|weight| -weight).collect(),
-                ..part
-            }));
+            let own = setup.unscattered("own ", optics, 0.0, plan);
+            parts.extend(own.into_iter().map(|part| Part { source: 0.0, out: -1.0, ..part }));
+        }
+        parts.extend(setup.lights(sources, plan).map(|light| Part { light, source: 1.0, out: 0.0 }));
+        if setup.forward > 0.0 {
+            sources.light_extinction = Some(setup.similar_extinction());
         }
         let out = setup.solve(optics, parts, plan);
         let field = setup.relight(out, plan);
@@ -151,32 +152,20 @@ impl<'a> Setup<'a> {
         optics.is_grey() && (forward == 0.0 || alike)
     }
 
-    /// Unscattered light of all sources whose first order is estimated, in the medium in which the share `forward` of
-    /// scattered light goes on.
-    fn unscattered(
-        &self,
-        own: &str,
-        optics: Buf<f32>,
-        forward: f32,
-        sources: &Sources,
-        plan: &mut Plan<'a>,
-    ) -> Vec<Part> {
-        let part = |out: Vec<f32>| move |light: Buf<f32>| Part { light, source: 1.0, out };
-        let (wide, narrow) = if self.forward > 0.0 { (vec![1.0], self.gone_on()) } else { (Vec::new(), Vec::new()) };
+    /// Unscattered light from all around and of the medium's own, where its first order is estimated, in the medium in which
+    /// the share `forward` of scattered light goes on.
+    fn unscattered(&self, own: &str, optics: Buf<f32>, forward: f32, plan: &mut Plan<'a>) -> Vec<Part> {
+        let part = |light: Buf<f32>| Part { light, source: 1.0, out: 0.0 };
         let mut parts = Vec::new();
-        parts.extend(self.environment(own, optics, forward, plan).map(part(wide.clone())));
-        parts.extend(self.emission(own, optics, forward, plan).map(part(wide)));
-        parts.extend(self.lights(own, forward, sources, plan).map(part(narrow)));
+        parts.extend(self.environment(own, optics, forward, plan).map(part));
+        parts.extend(self.emission(own, optics, forward, plan).map(part));
         parts
     }
 
-    /// (β_l - f)/β_l of each coefficient: what of light from one direction is scattered away from it.
-    fn gone_on(&self) -> Vec<f32> {
-        let share = |k: usize| match self.moments[k.isqrt()] {
-            0.0 => 0.0,
-            beta => (beta - f64::from(self.forward)) / beta,
-        };
-        (0..self.coefficients() as usize).map(|k| share(k) as f32).collect()
+    /// Extinction per unit of density of the similar medium.
+    fn similar_extinction(&self) -> Vec3 {
+        let optics = &self.scene().optics;
+        optics.extinction * (1.0 - self.forward * optics.albedo)
     }
 
     fn environment(&self, own: &str, optics: Buf<f32>, forward: f32, plan: &mut Plan<'a>) -> Option<Buf<f32>> {
@@ -256,7 +245,8 @@ impl<'a> Setup<'a> {
         moments
     }
 
-    fn lights(&self, own: &str, forward: f32, sources: &Sources, plan: &mut Plan<'a>) -> Option<Buf<f32>> {
+    /// Unscattered light of the lights, where their first order is estimated, in the similar medium.
+    fn lights(&self, sources: &Sources, plan: &mut Plan<'a>) -> Option<Buf<f32>> {
         let (scene, medium) = (self.scene(), &self.ordinates.medium);
         let estimate = scene.estimate.lights.as_ref().filter(|_| !scene.lights.is_empty())?;
         let (lattice, grid) = (scene.medium.lattice(), &medium.grid);
@@ -268,8 +258,7 @@ impl<'a> Setup<'a> {
         [params.world_x, params.world_y, params.world_z] = grid.world;
         params.cells = [x, y, z, 0];
         params.cell = self.ordinates.cell(medium.step);
-        let optics = &scene.optics;
-        params.extinction = (optics.extinction * (1.0 - forward * optics.albedo)).extend(0.0).to_array();
+        params.extinction = self.similar_extinction().extend(0.0).to_array();
         let lights = scene.lights.len() as u32;
         (params.lights, params.light_end) = (lights, lights);
         (params.bands, params.channels) = (self.bands, self.channels);
@@ -286,13 +275,13 @@ impl<'a> Setup<'a> {
         if let Some(occupancy) = sources.occupancy {
             params.occupancy_cells = occupancy.cells;
         }
-        let out = plan.output(&format!("{own}light moments"), self.values());
+        let out = plan.output("light moments", self.values());
         let illuminate = Illuminate {
             params,
             density: medium.density,
             occupancy: sources.occupancy.map(|occupancy| occupancy.buffer),
-            lights: plan.table(&format!("{own}cell lights"), LightRecord::of(&scene.lights, center)),
-            tables: plan.table(&format!("{own}cell harmonics"), recurrence_table(self.bands)),
+            lights: plan.table("cell lights", LightRecord::of(&scene.lights, center)),
+            tables: plan.table("cell harmonics", recurrence_table(self.bands)),
             mesh: mesh.map(|mesh| mesh.records),
             out,
         };

@@ -402,10 +402,9 @@ impl Run<'_> {
         let mut values = vec![0.0f32; source.len as usize];
         for part in parts {
             self.fetch(name, part.light, &mut values)?;
-            unscattered.iter_mut().zip(&values).for_each(|(b, light)| *b += part.source * light);
-            let stretch = (values.len() / part.out.len().max(1)).max(1);
-            for ((share, light), weight) in share.chunks_mut(stretch).zip(values.chunks(stretch)).zip(&part.out) {
-                share.iter_mut().zip(light).for_each(|(share, light)| *share += weight * light);
+            for ((b, share), light) in unscattered.iter_mut().zip(&mut share).zip(&values) {
+                *b += part.source * light;
+                *share += part.out * light;
             }
         }
         let mut iteration = Iteration::new(orders, unscattered);

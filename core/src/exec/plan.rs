@@ -112,6 +112,11 @@ impl<'a> Plan<'a> {
         self.limits.loop_turns
     }
 
+    /// How much of a buffer a stage binds at the most.
+    pub fn binding_bytes(&self) -> u64 {
+        self.limits.binding_bytes
+    }
+
     /// The longest side of a field that the device holds in one piece.
     pub fn field_side(&self) -> u32 {
         self.limits.field_side
@@ -276,10 +281,7 @@ impl<'a> Plan<'a> {
         let parts: Vec<_> = solve
             .parts
             .iter()
-            .map(|part| {
-                let out: Vec<_> = part.out.iter().map(|w| w.to_bits()).collect();
-                (known(&self.keys, part.light.id), part.source.to_bits(), out)
-            })
+            .map(|part| (known(&self.keys, part.light.id), part.source.to_bits(), part.out.to_bits()))
             .collect();
         self.keys.insert(solve.source.id, Key::of("solve", &(parts, format!("{:?}", solve.orders))));
         let base = self.key(&solve.stage);

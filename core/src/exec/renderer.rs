@@ -349,6 +349,7 @@ fn plan_march<'a>(
     (params.scale, params.alone, params.steps) = (quality.scale, apart.into(), quality.steps.unwrap_or(0));
     (params.width, params.height) = (camera.width.div_ceil(params.scale), camera.height.div_ceil(params.scale));
     (params.extinction, params.albedo) = (rgb0(optics.extinction), rgb0(optics.albedo));
+    params.light_extinction = rgb0(sources.light_extinction.unwrap_or(optics.extinction));
     params.emission = rgb0(optics.emission);
     (params.step, params.cut) = (medium.step, March::CUT);
     params.light_floor = light_floor(scene);

@@ -23,14 +23,14 @@ pub struct Solve {
 }
 
 /// Light that does not change while an equation is solved.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Part {
     /// The light.
     pub light: Buf<f32>,
     /// How much of it is scattered.
     pub source: f32,
-    /// How much of it counts as solution: a weight for each of as many equal stretches of it, in order; none where nothing does.
-    pub out: Vec<f32>,
+    /// How much of it counts as solution.
+    pub out: f32,
 }
 
 /// How a [`Solve`] went.

@@ -233,7 +233,7 @@ fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: 
         };
         let seen = visibility(params, inputs, light, xyz(params.mesh_eye) + t * d, toward, distance);
         let arriving = xyz(light.power) * falloff * seen * phase(params.phase_kind, params.phase, table, toward.dot(d));
-        sum += arriving * DVec3::from((xyz(params.extinction) * column).to_array().map(transmittance));
+        sum += arriving * DVec3::from((xyz(params.light_extinction) * column).to_array().map(transmittance));
     }
     sum
 }
@@ -335,6 +335,7 @@ mod tests {
         (params.width, params.height, params.samples) = (9, 6, 1);
         (params.scale, params.full_width, params.full_height) = (1, 9, 6);
         (params.extinction, params.albedo) = ([3.0, 2.0, 1.0, 0.0], [0.9, 0.5, 1.0, 0.0]);
+        params.light_extinction = params.extinction;
         (params.step, params.cut, params.lights, params.shadow) = (1e-3, 0.0, 1, shadow_kind::MARCH);
         (params.phase_kind, params.phase) = (PhaseParams::HENYEY_GREENSTEIN, [0.5, 0.0, 1.0, 0.0]);
         params.phase_at = 2;

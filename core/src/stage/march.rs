@@ -11,7 +11,7 @@
 //!
 //! J is the sum of what the estimators prepared: `in_scatter`, a field over the record cells of one layer, or of
 //! bands² layers that are weighed with Y_k(d) of the ray's direction; `scattered`, another such field, always trilinear; and `lights`, each with phase, falloff and the
-//! medium's own shadow: exp(-`extinction` · column), the column marched, or trilinear from `light_depth`. Surfaces shadow them
+//! medium's own shadow: exp(-`light_extinction` · column), the column marched, or trilinear from `light_depth`. Surfaces shadow them
 //! by a ray through `mesh`, or by four comparisons with `shadow_map` that are interpolated. Space that `occupancy` shows empty is stepped over without moving a sample.
 //!
 //! Behind the medium lie, each times T: the surface's radiance where there is one, else the visible environment.
@@ -64,6 +64,8 @@ kernel_struct! {
         up: F32x4,
         /// Extinction per unit of density, 1/m, RGB; unused.
         extinction: F32x4,
+        /// The same on the way to lights, which may be that of a similar medium.
+        light_extinction: F32x4,
         /// Albedo, RGB; unused.
         albedo: F32x4,
         /// Emission per unit of emission density, W m⁻³ sr⁻¹, RGB; unused.
