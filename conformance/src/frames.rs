@@ -191,7 +191,7 @@ fn scenes() -> Axis<Scene> {
     scenes.push(("swept transmittance", lit(grey(Phase::Isotropic), swept(Content::Transmittance))));
     scenes.push(("five orders", orders(with_lights(lit(grey(Phase::Isotropic), swept(radiance))), 3)));
     let mut forward = orders(with_lights(lit(glowing(chromatic(hg())), swept(radiance))), 3);
-    forward.surfaces = Some(Arc::new(room()));
+    (forward.surfaces, forward.estimate.lights) = (Some(Arc::new(room())), by(SurfaceShadow::Ray));
     scenes.push(("five orders, forward", forward));
     let mut varying = orders(with_lights(lit(glowing(chromatic(Phase::Rayleigh)), swept(radiance))), 2);
     varying.medium = Arc::new(varied(Map::Rotated, DIMS));
