@@ -18,7 +18,7 @@ pub(crate) fn cases() -> Vec<Case> {
         Case::new(
             "scattering::white_furnace",
             "All orders of scattering without absorption, in a uniform environment, send the environment's radiance on.",
-            |subject, record| furnace(subject, record),
+            furnace,
         )
         .within(&tolerance::FURNACE)
         .permutes(&furnace_phases())
@@ -27,27 +27,27 @@ pub(crate) fn cases() -> Vec<Case> {
             "scattering::energy_balance",
             "A medium that shines as much as it absorbs sends the radiance of its environment on: what leaves and what is \
              absorbed is what entered.",
-            |subject, record| balance(subject, record),
+            balance,
         )
         .within(&tolerance::FURNACE)
         .permutes(&albedos()),
         Case::new(
             "scattering::reciprocity",
             "What comes back one way of light that came the other is the same the other way round.",
-            |subject, record| reciprocity(subject, record),
+            reciprocity,
         )
         .within(&tolerance::RECIPROCITY)
         .permutes(&furnace_phases()),
         Case::new(
             "scattering::orders",
             "So many orders are what one more sweep makes of one less, and converge to what is asked to converge.",
-            |subject, record| orders(subject, record),
+            orders,
         )
         .within(&tolerance::CONVERGED),
         Case::new(
             "scattering::swept_records",
             "Records by sweeps make the pictures of records by marches.",
-            |subject, record| swept(subject, record),
+            swept,
         )
         .within(&tolerance::SWEPT)
         .permutes(&contents()),

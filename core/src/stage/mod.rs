@@ -91,6 +91,7 @@ pub trait Kernel {
 /// A stage with its parameters and resources. Devices match it without a catch-all arm, so that a new stage does not
 /// compile until every device has it.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a frame has a handful of stages, and plans hold them boxed")]
 pub enum Stage {
     /// Coarse mean and maximum of a field.
     Reduce(Reduce),

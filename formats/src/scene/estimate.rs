@@ -53,7 +53,7 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
         if kind == "path" {
             return Ok(Estimate { all: Some(AllEstimate::Path(path(&options)?)), ..Estimate::none() });
         }
-        return Err(unbuilt(&all, kind, &options, "leave estimate.all out; environment and lights have estimators")?);
+        return Err(unbuilt(&all, &options, "leave estimate.all out; environment and lights have estimators")?);
     }
     if let Some(field) = table.get("environment") {
         estimate.environment = environment(&field)?;
@@ -96,22 +96,20 @@ fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
     })))
 }
 
-/// The error for an estimator that is not built; its options are checked first.
-fn unbuilt<'a>(field: &Field<'a>, kind: &str, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
-    let shapes: &[(&str, Shape)] = match kind {
-        _ => &[
-            ("file", Shape::Text),
-            ("cells", Shape::Whole(1, 4096)),
-            ("basis", Shape::OneOf(&["dsf", "sh", "srbf"])),
-            ("functions", Shape::Whole(1, 1_000_000)),
-            ("bands", Shape::Whole(1, Records::MAX_BANDS)),
-            ("photons", Shape::Whole(1, u32::MAX)),
-            ("deposit", Shape::OneOf(&["track", "collision", "absorption"])),
-            ("solver", Shape::OneOf(&["photons", "ordinates"])),
-            ("clusters", Shape::Whole(1, 1_000_000)),
-            ("components", Shape::Whole(1, 1000)),
-        ],
-    };
+/// The error for `transfer`, which is not built; its options are checked first.
+fn unbuilt<'a>(field: &Field<'a>, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
+    let shapes: &[(&str, Shape)] = &[
+        ("file", Shape::Text),
+        ("cells", Shape::Whole(1, 4096)),
+        ("basis", Shape::OneOf(&["dsf", "sh", "srbf"])),
+        ("functions", Shape::Whole(1, 1_000_000)),
+        ("bands", Shape::Whole(1, Records::MAX_BANDS)),
+        ("photons", Shape::Whole(1, u32::MAX)),
+        ("deposit", Shape::OneOf(&["track", "collision", "absorption"])),
+        ("solver", Shape::OneOf(&["photons", "ordinates"])),
+        ("clusters", Shape::Whole(1, 1_000_000)),
+        ("components", Shape::Whole(1, 1000)),
+    ];
     pending::check(options, shapes)?;
     Ok(match options.get("kind") {
         Some(kind) => kind.pending(instead),
