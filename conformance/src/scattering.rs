@@ -192,7 +192,7 @@ fn swept(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         let mut renderer = subject.renderer()?;
         let mut render = |solver: Solver| -> Result<Vec<[f32; 4]>, Failed> {
             let directions = 48;
-            let records = Records { cells: 50, solver, ..pictures::records(content, 3, directions) };
+            let records = Records { cells: 36, solver, ..pictures::records(content, 3, directions) };
             let mut scene = pictures::in_environment(records)?;
             (scene.camera.width, scene.camera.height, scene.camera.samples) = (80, 60, 1);
             Ok(renderer.render(&scene)?.film.beauty)

@@ -170,9 +170,9 @@ impl Stage {
         Accumulate::NAME,
         Coarsen::NAME,
         Illuminate::NAME,
+        Sweep::NAME,
         Obstruct::NAME,
         Path::NAME,
-        Sweep::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
