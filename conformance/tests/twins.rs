@@ -50,6 +50,7 @@ const CPU: Backend = Backend {
         ("obstruct", "run", MEMORY),
         ("sweep", "run", MEMORY),
         ("sweep", "gathered", MEMORY),
+        ("sweep", "turned", PLANE),
         ("sweep", "new", PLANE),
         ("sweep", "row", PLANE),
         ("sweep", "load", PLANE),

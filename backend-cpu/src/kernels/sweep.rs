@@ -17,12 +17,22 @@ const CHUNK: usize = 512;
 
 struct Inputs<'a> {
     p: &'a SweepParams,
-    optics: &'a [f32],
+    /// What lies x fastest, and the same y fastest, then x: rows of planes normal to x.
+    upright: Cells<'a>,
+    turned: Cells<'a>,
     directions: &'a [SweepDirection],
-    sources: &'a [f32],
     source_weights: &'a [f32],
     weights: &'a [f32],
     obstructed: &'a [u32],
+}
+
+/// What the cells hold.
+#[derive(Clone, Copy)]
+struct Cells<'a> {
+    optics: &'a [f32],
+    sources: &'a [f32],
+    /// Values from a cell to the next along x, y and z.
+    pitch: [usize; 3],
 }
 
 /// A plane of cells with what they send on, in rows along the first of its axes. Around it lies a border of one cell of
@@ -46,11 +56,18 @@ pub(crate) fn run(stage: &Sweep, range: Range<u32>, memory: &mut Memory<'_>, isa
     memory.take(stage.moments)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
+    let directions = &read.buf(stage.directions)?[..p.directions as usize];
+    let (optics, sources) = (read.buf(stage.optics)?, read.opt(stage.sources)?);
+    let [x, y] = [p.cells[0], p.cells[1]].map(|n| n as usize);
+    // Rows along y are a fraction of what is swept, and a third of the directions reads each of them many times.
+    let across = directions.iter().any(|way| way.axis == 0);
+    let [turned_optics, turned_sources] =
+        [optics, sources].map(|of| if across { turned(of, x, y) } else { Vec::new() });
     let inputs = Inputs {
         p,
-        optics: read.buf(stage.optics)?,
-        directions: &read.buf(stage.directions)?[..p.directions as usize],
-        sources: read.opt(stage.sources)?,
+        upright: Cells { optics, sources, pitch: [1, x, x * y] },
+        turned: Cells { optics: &turned_optics, sources: &turned_sources, pitch: [y, 1, x * y] },
+        directions,
         source_weights: read.opt(stage.source_weights)?,
         weights: read.buf(stage.weights)?,
         obstructed: read.opt(stage.obstructed)?,
@@ -87,16 +104,26 @@ fn gathered(inputs: &Inputs<'_>, radiance: &[f32], first: usize, isa: Isa, momen
     let (cells, values) = (p.count() as usize, (p.coefficients * p.moment_channels()) as usize);
     let moments = &mut moments[..cells * values];
     if p.planar == 1 {
-        let parts = moments.chunks_exact_mut(cells).enumerate();
-        let parts: Vec<_> = parts
-            .flat_map(|(v, plane)| plane.chunks_mut(CHUNK).enumerate().map(move |(n, part)| (v, n, part)))
-            .collect();
-        parts.into_par_iter().for_each(|(value, n, sums)| {
-            let start = n * CHUNK;
-            compiled_for!(
-                isa,
-                gather(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32])
-            );
+        // All values of some cells at a time: their radiance is read from memory once.
+        let mut parts: Vec<Vec<&mut [f32]>> = (0..cells.div_ceil(CHUNK)).map(|_| Vec::new()).collect();
+        for plane in moments.chunks_exact_mut(cells) {
+            parts.iter_mut().zip(plane.chunks_mut(CHUNK)).for_each(|(parts, part)| parts.push(part));
+        }
+        parts.into_par_iter().enumerate().for_each(|(n, parts)| {
+            for (value, sums) in parts.into_iter().enumerate() {
+                let start = n * CHUNK;
+                compiled_for!(
+                    isa,
+                    gather(
+                        inputs: &Inputs<'_>,
+                        radiance: &[f32],
+                        first: usize,
+                        value: usize,
+                        start: usize,
+                        sums: &mut [f32],
+                    )
+                );
+            }
         });
         return;
     }
@@ -112,6 +139,15 @@ fn gathered(inputs: &Inputs<'_>, radiance: &[f32], first: usize, isa: Isa, momen
             records.chunks_exact_mut(values).zip(&*sums).for_each(|(record, sum)| record[value] = *sum);
         }
     });
+}
+
+/// Planes of values with x and y exchanged.
+fn turned(values: &[f32], x: usize, y: usize) -> Vec<f32> {
+    let mut out = Vec::with_capacity(values.len());
+    for slice in values.chunks_exact(x * y) {
+        (0..x).for_each(|i| out.extend(slice.iter().skip(i).step_by(x)));
+    }
+    out
 }
 
 impl Plane {
@@ -146,27 +182,31 @@ impl Plane {
         let p = inputs.p;
         let way = &inputs.directions[direction];
         let (cells, axis) = (p.count() as usize, way.axis as usize);
-        let pitch = [1, p.cells[0] as usize, (p.cells[0] * p.cells[1]) as usize];
+        let of = if axis == 0 { inputs.turned } else { inputs.upright };
         let [b, c] = SweepDirection::others(axis);
+        let place = |pitch: [usize; 3], row: usize| plane * pitch[axis] + row * pitch[c];
         for row in 0..self.cells[1] {
-            let (from, to, count) = (plane * pitch[axis] + row * pitch[c], self.row(row), self.cells[0]);
-            let take = |out: &mut [f32], size: usize, all: &[f32], first: usize| {
-                for (part, values) in out.chunks_exact_mut(size).zip(all[first * cells..].chunks_exact(cells)) {
-                    copy(&mut part[to..to + count], &values[from..], pitch[b]);
+            let (to, count) = (self.row(row), self.cells[0]);
+            let from = place(of.pitch, row);
+            for (kind, out) in [(0, &mut self.extinction), (6, &mut self.emission)] {
+                let all = of.optics[kind * cells..].chunks_exact(cells);
+                for (part, values) in out.chunks_exact_mut(self.size).zip(all) {
+                    part[to..to + count].copy_from_slice(&values[from..from + count]);
                 }
-            };
-            take(&mut self.extinction, self.size, inputs.optics, 0);
-            take(&mut self.emission, self.size, inputs.optics, 6);
-            if !inputs.obstructed.is_empty() {
-                copy(&mut self.obstructed[to..to + count], &inputs.obstructed[from..], pitch[b]);
-            }
-            if let Some(light) = light {
-                take(&mut self.radiance, self.size, light, 0);
             }
             if p.source_coefficients > 0 {
                 for channel in 0..p.channels as usize {
                     let out = &mut self.source[channel * self.size + to..][..count];
-                    source(inputs, direction, channel, [from, pitch[b]], out);
+                    source(inputs, of, direction, channel, from, out);
+                }
+            }
+            let (from, stride) = (place(inputs.upright.pitch, row), inputs.upright.pitch[b]);
+            if !inputs.obstructed.is_empty() {
+                copy(&mut self.obstructed[to..to + count], &inputs.obstructed[from..], stride);
+            }
+            if let Some(light) = light {
+                for (part, values) in self.radiance.chunks_exact_mut(self.size).zip(light.chunks_exact(cells)) {
+                    copy(&mut part[to..to + count], &values[from..], stride);
                 }
             }
         }
@@ -333,23 +373,19 @@ fn load(values: &[f32], at: usize) -> F {
     F(lanes!(i => values[i]))
 }
 
-/// The source function of a row of cells, from the first on, `stride` apart.
+/// The source function of a row of cells, from the first on.
 #[inline(always)]
-fn source(inputs: &Inputs<'_>, direction: usize, channel: usize, [first, stride]: [usize; 2], out: &mut [f32]) {
+fn source(inputs: &Inputs<'_>, of: Cells<'_>, direction: usize, channel: usize, first: usize, out: &mut [f32]) {
     let p = inputs.p;
     let (cells, count) = (p.count() as usize, p.source_coefficients as usize);
     let weights = &inputs.source_weights[direction * count..][..count];
     out.fill(0.0);
     for (k, weight) in weights.iter().enumerate() {
-        let moments = &inputs.sources[(k * p.channels as usize + channel) * cells + first..];
-        if stride == 1 {
-            out.iter_mut().zip(moments).for_each(|(out, moment)| *out += weight * moment);
-        } else {
-            out.iter_mut().zip(moments.iter().step_by(stride)).for_each(|(out, moment)| *out += weight * moment);
-        }
+        let moments = &of.sources[(k * p.channels as usize + channel) * cells + first..][..out.len()];
+        out.iter_mut().zip(moments).for_each(|(out, moment)| *out += weight * moment);
     }
-    let albedo = &inputs.optics[(3 + channel) * cells + first..];
-    out.iter_mut().zip(albedo.iter().step_by(stride)).for_each(|(out, albedo)| *out *= albedo);
+    let albedo = &of.optics[(3 + channel) * cells + first..][..out.len()];
+    out.iter_mut().zip(albedo).for_each(|(out, albedo)| *out *= albedo);
 }
 
 /// One value of the moments of some cells from `start` on: what the batches before left, and the directions of this one.
