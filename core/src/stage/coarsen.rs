@@ -15,7 +15,7 @@
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{is_color, is_scalar};
+use crate::stage::grid::is_medium;
 use crate::stage::{Kernel, require};
 
 kernel_struct! {
@@ -89,15 +89,7 @@ impl Kernel for Coarsen {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
-        require!(self.scattering.is_none_or(|f| is_color(&f, p.dims)), "what scatters differs from the density");
-        require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
-        require!(self.emission_color.is_none_or(|f| is_color(&f, p.dims)), "the emission differs from the density");
+        is_medium(&self.density, self.scattering, self.emission, self.emission_color, p.dims)?;
         let cells = p.cells[..3].iter().try_fold(Self::PLANES, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} cells", p.cells);
         require!(p.cell[..3].iter().all(|c| c.is_finite() && *c > 0.0), "cells of {:?} voxels", p.cell);

@@ -2,8 +2,9 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::device::{Field, FieldFormat};
+use crate::device::{Buf, Field, FieldFormat};
 use crate::media::{Lattice, Phase};
+use crate::stage::require;
 
 /// Beyond every distance in a scene, and finite: not every language of kernels promises infinities.
 pub const FAR: f32 = 3.0e38;
@@ -53,6 +54,49 @@ pub(super) fn is_scalar(field: &Field, dims: [u32; 4]) -> bool {
 /// Whether `field` is a field of colours in one layer of `dims`.
 pub(super) fn is_color(field: &Field, dims: [u32; 4]) -> bool {
     field.spec.format == FieldFormat::Rgba && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
+}
+
+/// Whether `density` is a scalar field of one layer of `dims`.
+///
+/// # Errors
+/// A text that says what it is.
+pub(super) fn is_density(density: &Field, dims: [u32; 4]) -> Result<(), String> {
+    require!(is_scalar(density, dims), "density is {:?}, not a scalar field of {dims:?}", density.spec);
+    Ok(())
+}
+
+/// Whether all that a stage takes of the medium is of the density's `dims`: the density that scatters, that of emission,
+/// and emission with a colour.
+///
+/// # Errors
+/// A text that says which is not.
+pub(super) fn is_medium(
+    density: &Field,
+    scattering: Option<Field>,
+    emission: Option<Field>,
+    emission_color: Option<Field>,
+    dims: [u32; 4],
+) -> Result<(), String> {
+    is_density(density, dims)?;
+    require!(scattering.is_none_or(|f| is_color(&f, dims)), "what scatters differs from the density");
+    require!(emission.is_none_or(|f| is_scalar(&f, dims)), "the emission density differs from the density");
+    require!(emission_color.is_none_or(|f| is_color(&f, dims)), "the emission differs from the density");
+    Ok(())
+}
+
+/// Whether `of` holds a value for each of `cells`, x, y, z and voxels of a side, and those are what covers `dims` voxels.
+/// `name` is of what they hold.
+///
+/// # Errors
+/// A text that says what is wrong.
+pub(super) fn covers(name: &str, of: Buf<[f32; 2]>, cells: [u32; 4], dims: [u32; 4]) -> Result<(), String> {
+    let [x, y, z, side] = cells;
+    require!(side > 0, "cells of the {name} without size");
+    let fits = (0..3).all(|a| cells[a] == dims[a].div_ceil(side));
+    require!(fits, "{cells:?} cells of the {name} over {dims:?} voxels");
+    let count = u64::from(x).saturating_mul(y.into()).saturating_mul(z.into());
+    require!(of.len >= count, "{name} of too few cells");
+    Ok(())
 }
 
 /// A phase function as kernels see it.

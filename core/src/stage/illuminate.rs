@@ -14,7 +14,7 @@
 use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{is_scalar, most_steps};
+use crate::stage::grid::{covers, is_density, most_steps};
 use crate::stage::trace::holds;
 use crate::stage::{Kernel, LightRecord, MeshRecord, require};
 
@@ -121,12 +121,7 @@ impl Kernel for Illuminate {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
+        is_density(&self.density, p.dims)?;
         let cells = p.cells[..3].iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} cells", p.cells);
         require!(p.cell.iter().all(|c| c.is_finite() && *c > 0.0), "cells and step {:?}", p.cell);
@@ -137,11 +132,7 @@ impl Kernel for Illuminate {
         require!(u32::try_from(values).is_ok() && self.out.len >= values, "{} places for {values}", self.out.len);
         require!(self.tables.len >= u64::from(p.bands * (p.bands + 1)), "tables of {} values", self.tables.len);
         if let Some(occupancy) = self.occupancy {
-            let [x, y, z, side] = p.occupancy_cells;
-            require!(side > 0, "occupancy cells without size");
-            let fits = (0..3).all(|a| p.occupancy_cells[a] == p.dims[a].div_ceil(side));
-            require!(fits, "{:?} occupancy cells over {:?} voxels", p.occupancy_cells, p.dims);
-            require!(occupancy.len >= u64::from(x) * u64::from(y) * u64::from(z), "occupancy of too few cells");
+            covers("occupancy", occupancy, p.occupancy_cells, p.dims)?;
         }
         let lights = p.light_begin..p.light_end;
         require!(lights.start <= lights.end && lights.end <= p.lights, "lights {lights:?} of {}", p.lights);

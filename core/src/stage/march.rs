@@ -38,7 +38,7 @@ use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::device::{Binding, Buf, Field, FieldFormat, FieldSpec, ResourceId};
 use crate::kernel_struct;
-use crate::stage::grid::{is_color, is_scalar, most_steps};
+use crate::stage::grid::{covers, is_medium, most_steps};
 use crate::stage::trace::holds;
 use crate::stage::upsample::{is_sky, is_small};
 use crate::stage::{Kernel, MeshRecord, PhaseParams, require, surface_shadow};
@@ -351,15 +351,7 @@ impl Kernel for March {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
-        require!(self.scattering.is_none_or(|f| is_color(&f, p.dims)), "what scatters differs from the density");
-        require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
-        require!(self.emission_color.is_none_or(|f| is_color(&f, p.dims)), "the emission differs from the density");
+        is_medium(&self.density, self.scattering, self.emission, self.emission_color, p.dims)?;
         require!(p.step.is_finite() && p.step > 0.0, "a step of {} m", p.step);
         let pixels = u64::from(p.width) * u64::from(p.height);
         require!(pixels > 0 && u32::try_from(pixels).is_ok(), "a picture of {} × {}", p.width, p.height);
@@ -375,11 +367,7 @@ impl Kernel for March {
             require!(surface.len >= full.saturating_mul(each.into()), "surfaces of fewer than {full} pixels");
         }
         if let Some(occupancy) = self.occupancy {
-            let [x, y, z, side] = p.occupancy_cells;
-            require!(side > 0, "occupancy cells without size");
-            let fits = (0..3).all(|a| p.occupancy_cells[a] == p.dims[a].div_ceil(side));
-            require!(fits, "{:?} occupancy cells over {:?} voxels", p.occupancy_cells, p.dims);
-            require!(occupancy.len >= u64::from(x) * u64::from(y) * u64::from(z), "occupancy of too few cells");
+            covers("occupancy", occupancy, p.occupancy_cells, p.dims)?;
         }
         let mut table = 2 * u64::from(p.samples);
         require!(p.samples > 0, "no samples");

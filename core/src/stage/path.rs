@@ -31,7 +31,7 @@
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{is_color, is_scalar};
+use crate::stage::grid::{covers, is_medium};
 use crate::stage::trace::holds;
 use crate::stage::upsample::is_sky;
 use crate::stage::{Kernel, LightRecord, MeshRecord, PhaseParams, require};
@@ -255,15 +255,7 @@ impl Kernel for Path {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
-        require!(self.scattering.is_none_or(|f| is_color(&f, p.dims)), "what scatters differs from the density");
-        require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
-        require!(self.emission_color.is_none_or(|f| is_color(&f, p.dims)), "the emission differs from the density");
+        is_medium(&self.density, self.scattering, self.emission, self.emission_color, p.dims)?;
         let pixels = u64::from(self.axis());
         require!(pixels > 0, "a picture of {} × {}, none or too large", p.width, p.height);
         require!(
@@ -272,12 +264,7 @@ impl Kernel for Path {
         );
         require!(self.background.is_none_or(|b| b.len >= pixels), "a background of fewer than {pixels} pixels");
         require!(p.turns > 0 && p.samples > 0, "{} samples in {} turns", p.samples, p.turns);
-        let [x, y, z, side] = p.majorant_cells;
-        require!(side > 0, "cells of the majorant without size");
-        let fits = (0..3).all(|a| p.majorant_cells[a] == p.dims[a].div_ceil(side));
-        require!(fits, "{:?} cells of the majorant over {:?} voxels", p.majorant_cells, p.dims);
-        let cells = u64::from(x).saturating_mul(y.into()).saturating_mul(z.into());
-        require!(self.majorant.len >= cells, "a majorant of too few cells");
+        covers("majorant", self.majorant, p.majorant_cells, p.dims)?;
         require!(
             p.lights == 0 || self.lights.is_some_and(|b| b.len >= p.lights.into()),
             "fewer than {} lights",

@@ -26,7 +26,7 @@
 use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{is_color, is_scalar, most_steps};
+use crate::stage::grid::{is_medium, most_steps};
 use crate::stage::{Kernel, PhaseParams, require};
 
 kernel_struct! {
@@ -183,14 +183,7 @@ impl Kernel for Project {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
-        require!(self.emission.is_none_or(|f| is_scalar(&f, p.dims)), "the emission density differs from the density");
-        require!(self.emission_color.is_none_or(|f| is_color(&f, p.dims)), "the emission differs from the density");
+        is_medium(&self.density, None, self.emission, self.emission_color, p.dims)?;
         let cells = p.cells[..3].iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} cells", p.cells);
         let cells = u64::from(self.axis());

@@ -28,7 +28,7 @@
 
 use glam::DVec3;
 
-use super::grid::is_scalar;
+use super::grid::is_density;
 use super::{Kernel, require};
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
@@ -326,12 +326,7 @@ impl Kernel for Propagate {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
+        is_density(&self.density, p.dims)?;
         let [cells @ .., layers] = p.cells;
         let count = cells.iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(count.is_some_and(|n| n > 0), "{cells:?} cells");

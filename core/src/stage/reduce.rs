@@ -19,7 +19,7 @@
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::is_scalar;
+use crate::stage::grid::{is_density, is_scalar};
 use crate::stage::{Kernel, require};
 
 kernel_struct! {
@@ -118,12 +118,7 @@ impl Kernel for Reduce {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
+        is_density(&self.density, p.dims)?;
         require!(self.other.is_none_or(|f| is_scalar(&f, p.dims)), "the second field differs from the first");
         let cells = p.coarse[..3].iter().try_fold(1u32, |n, &c| n.checked_mul(c));
         require!(cells.is_some_and(|n| n > 0), "{:?} coarse cells", p.coarse);

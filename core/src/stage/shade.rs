@@ -15,7 +15,7 @@
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{is_scalar, most_steps};
+use crate::stage::grid::{covers, is_density, most_steps};
 use crate::stage::trace::{holds, positions};
 use crate::stage::{Kernel, LightRecord, MeshRecord, require};
 
@@ -159,12 +159,7 @@ impl Kernel for Shade {
 
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
-        require!(
-            is_scalar(&self.density, p.dims),
-            "density is {:?}, not a scalar field of {:?}",
-            self.density.spec,
-            p.dims
-        );
+        is_density(&self.density, p.dims)?;
         let axis = u64::from(positions(p.width, p.height, p.samples).unwrap_or(0));
         require!(axis > 0, "{} × {} pixels of {} positions, none or too many", p.width, p.height, p.samples);
         require!(p.step.is_finite() && p.step > 0.0, "a step of {} m", p.step);
@@ -176,11 +171,7 @@ impl Kernel for Shade {
         let pixels = axis / u64::from(p.samples);
         require!(self.background.is_none_or(|b| b.len >= pixels), "a background of fewer than {pixels} pixels");
         if let Some(occupancy) = self.occupancy {
-            let [x, y, z, side] = p.occupancy_cells;
-            require!(side > 0, "occupancy cells without size");
-            let fits = (0..3).all(|a| p.occupancy_cells[a] == p.dims[a].div_ceil(side));
-            require!(fits, "{:?} occupancy cells over {:?} voxels", p.occupancy_cells, p.dims);
-            require!(occupancy.len >= u64::from(x) * u64::from(y) * u64::from(z), "occupancy of too few cells");
+            covers("occupancy", occupancy, p.occupancy_cells, p.dims)?;
         }
         let lights = p.light_begin..p.light_end;
         require!(lights.start <= lights.end && lights.end <= p.lights, "lights {lights:?} of {}", p.lights);
