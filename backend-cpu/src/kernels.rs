@@ -28,6 +28,7 @@ pub(crate) mod segment;
 pub(crate) mod shade;
 pub(crate) mod shadow;
 pub(crate) mod sky;
+pub(crate) mod spot;
 pub(crate) mod sweep;
 pub(crate) mod trace;
 pub(crate) mod upsample;

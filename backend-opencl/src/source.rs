@@ -53,6 +53,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Random => file!("random.cl"),
         Helper::Walk => file!("walk.cl"),
         Helper::Bend => file!("bend.cl"),
+        Helper::Spot => file!("spot.cl"),
     }
 }
 

@@ -29,16 +29,6 @@ struct Way {
     triangle: u32,
 }
 
-// Where a path scatters: within the medium, or on a surface with its normals and material.
-struct Spot {
-    surface: bool,
-    normal: vec3<f32>,
-    facet: vec3<f32>,
-    diffuse: vec3<f32>,
-    specular: vec3<f32>,
-    exponent: f32,
-}
-
 // The turns of a pixel.
 @compute @workgroup_size(64)
 fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -384,7 +374,7 @@ fn toward_sky(numbers: ptr<function, Draws>) -> vec3<f32> {
 // Draws where the path goes on, and looks at a light before; whether there is one to look at.
 fn scatter(way: ptr<function, Way>, numbers: ptr<function, Draws>) -> bool {
     (*way).depth += 1u;
-    let at = spot(*way);
+    let at = spot((*way).surface < FAR, from_mesh((*way).place), (*way).direction, (*way).triangle);
     let origin = (*way).direction;
     let margin = MESH_MARGIN * params.mesh_eye.w;
     (*way).place += margin * at.facet;
@@ -394,80 +384,6 @@ fn scatter(way: ptr<function, Way>, numbers: ptr<function, Draws>) -> bool {
         (*way).mode = PATH_SHADOW;
     }
     return looks;
-}
-
-// What the path scatters at.
-fn spot(way: Way) -> Spot {
-    let none = vec3<f32>(0.0);
-    if !has_mesh || way.surface >= FAR {
-        return Spot(false, none, none, none, none, 0.0);
-    }
-    let first = 2u * params.nodes + 6u * way.triangle;
-    let a = place(first);
-    let b = place(first + 1u);
-    let c = place(first + 2u);
-    let across = cross(b - a, c - a);
-    let own = across / max(sqrt(dot(across, across)), 1.2e-38);
-    let facet = select(own, -own, dot(own, way.direction) > 0.0);
-    let p = from_mesh(way.place);
-    // Shares of the corners: twice the areas across from them.
-    let x = dot(cross(b - p, c - p), own);
-    let y = dot(cross(c - p, a - p), own);
-    let z = dot(cross(a - p, b - p), own);
-    var normal = x * place(first + 3u) + y * place(first + 4u) + z * place(first + 5u);
-    let size = sqrt(dot(normal, normal));
-    if size > 0.0 {
-        normal = normal / size;
-    } else {
-        normal = facet;
-    }
-    normal = select(normal, -normal, dot(normal, facet) < 0.0);
-    let m = params.materials_at + 8u * mesh[first + 3u].number;
-    let diffuse = vec3<f32>(tables[m], tables[m + 1u], tables[m + 2u]);
-    let specular = vec3<f32>(tables[m + 4u], tables[m + 5u], tables[m + 6u]);
-    return Spot(true, normal, facet, diffuse, specular, tables[m + 3u]);
-}
-
-// The share of light from `toward` that is scattered back along `origin`, per steradian: on a surface times the cosine.
-fn scattered(at: Spot, origin: vec3<f32>, toward: vec3<f32>) -> vec3<f32> {
-    if !at.surface {
-        return vec3<f32>(phase(dot(toward, origin)));
-    }
-    let facing = dot(at.normal, toward);
-    if facing <= 0.0 || dot(at.facet, toward) <= 0.0 {
-        return vec3<f32>(0.0);
-    }
-    let cosine = dot(origin, toward - 2.0 * facing * at.normal);
-    var gloss = 0.0;
-    if cosine > 0.0 {
-        gloss = (at.exponent + 2.0) / (2.0 * PI) * pow(min(cosine, 1.0), at.exponent);
-    }
-    return facing * (at.diffuse / PI + gloss * at.specular);
-}
-
-// The part of a surface's directions that are drawn from its diffuse term.
-fn dull(at: Spot) -> f32 {
-    let diffuse = at.diffuse.x + at.diffuse.y + at.diffuse.z;
-    let specular = at.specular.x + at.specular.y + at.specular.z;
-    if specular > 0.0 {
-        return diffuse / (diffuse + specular);
-    }
-    return 1.0;
-}
-
-// The probability that a path from `origin` goes on toward `toward`, per steradian.
-fn scattered_density(at: Spot, origin: vec3<f32>, toward: vec3<f32>) -> f32 {
-    if !at.surface {
-        return bend_density(dot(toward, origin));
-    }
-    let facing = dot(at.normal, toward);
-    let cosine = dot(origin, toward - 2.0 * facing * at.normal);
-    var gloss = 0.0;
-    if cosine > 0.0 {
-        gloss = (at.exponent + 1.0) / (2.0 * PI) * pow(min(cosine, 1.0), at.exponent);
-    }
-    let part = dull(at);
-    return part * max(facing, 0.0) / PI + (1.0 - part) * gloss;
 }
 
 // Chooses a light and what comes from it but for the medium; whether anything does. The ray is then toward the light.

@@ -71,6 +71,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Random => file!("random.wgsl"),
         Helper::Walk => file!("walk.wgsl"),
         Helper::Bend => file!("bend.wgsl"),
+        Helper::Spot => file!("spot.wgsl"),
     }
 }
 

@@ -62,6 +62,7 @@ const CPU: Backend = Backend {
         ("march", "load", LANES),
         ("march", "store", LANES),
         ("march", "block", LANES),
+        ("march", "layered", "elsewhere each field has lookups of its own, generated"),
         ("inject", "run", MEMORY),
         ("inject", "rows", MEMORY),
         ("inject", "indices", LANES),

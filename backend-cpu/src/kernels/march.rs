@@ -426,19 +426,7 @@ fn gathered(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense:
     let p = inputs.p;
     let Some(field) = inputs.in_scatter else { return };
     let place = triple!(a => (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
-    let layers = p.cells[3] as usize;
-    for i in 0..LANES {
-        if !dense.lane(i) {
-            continue;
-        }
-        let place = in_scatter_at(p, field, triple!(a => place[a].0[i]));
-        for k in 0..layers {
-            let (j, weight) = (place.layer(k), if layers == 1 { 1.0 } else { basis[k].0[i] });
-            for c in 0..3 {
-                light[c].0[i] += weight * j[c];
-            }
-        }
-    }
+    layered(p.cells[3], basis, dense, light, |i| in_scatter_at(p, field, triple!(a => place[a].0[i])));
 }
 
 #[inline(always)]
@@ -452,13 +440,24 @@ fn scattered_light(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX],
     let p = inputs.p;
     let Some(field) = inputs.scattered else { return };
     let place = triple!(a => (at[a] + 0.5) * p.scattered_cells_per_voxel[a] - 0.5);
-    let layers = p.scattered_cells[3] as usize;
+    layered(p.scattered_cells[3], basis, dense, light, |i| field.sample(triple!(a => place[a].0[i])));
+}
+
+/// J from the layers of a field, one a coefficient, at each lane's place.
+#[inline(always)]
+fn layered<'a>(
+    layers: u32,
+    basis: &[F; harmonics::MAX],
+    dense: M,
+    light: &mut [F; 3],
+    place: impl Fn(usize) -> Place<'a>,
+) {
     for i in 0..LANES {
         if !dense.lane(i) {
             continue;
         }
-        let place = field.sample(triple!(a => place[a].0[i]));
-        for k in 0..layers {
+        let place = place(i);
+        for k in 0..layers as usize {
             let (j, weight) = (place.layer(k), if layers == 1 { 1.0 } else { basis[k].0[i] });
             for c in 0..3 {
                 light[c].0[i] += weight * j[c];

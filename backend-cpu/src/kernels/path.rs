@@ -11,13 +11,14 @@ use bytemuck::Zeroable;
 use rayon::prelude::*;
 
 use super::angle::{angle, angle_of_cosine};
-use super::bend::{around, bend, bend_density, choose};
+use super::bend::{around, bend, choose};
 use super::field::{Colors, Scalars};
 use super::light::incident;
 use super::mesh::{Mesh, line};
-use super::phase::{Phase, phase};
+use super::phase::Phase;
 use super::random::{Draws, circle, draw, draws};
 use super::sky::{Sky, sky};
+use super::spot::{Spot, dull, scattered, scattered_density, spot};
 use super::walk::{Walk, advance, kept, stands, walk};
 use crate::device::Memory;
 use crate::packet::{F, M, triple};
@@ -35,6 +36,8 @@ struct Inputs<'a> {
     majorant: &'a [[f32; 2]],
     lights: &'a [LightRecord],
     tables: &'a [f32],
+    bends: &'a [f32],
+    materials: &'a [f32],
     phase: Phase<'a>,
     mesh: Option<Mesh<'a>>,
     background: &'a [[f32; 4]],
@@ -65,17 +68,6 @@ struct Way {
     surface: f32,
     depth: u32,
     triangle: u32,
-}
-
-/// Where a path scatters: within the medium, or on a surface with its normals and material.
-#[derive(Clone, Copy)]
-struct Spot {
-    surface: bool,
-    normal: Vec3,
-    facet: Vec3,
-    diffuse: Vec3,
-    specular: Vec3,
-    exponent: f32,
 }
 
 pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
@@ -111,6 +103,8 @@ pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> R
         majorant: read.buf(stage.majorant)?,
         lights: &read.opt(stage.lights)?[..p.lights as usize],
         tables,
+        bends: tables.get(p.bends_at as usize..).unwrap_or_default(),
+        materials: tables.get(p.materials_at as usize..).unwrap_or_default(),
         phase: Phase {
             kind: p.phase_kind,
             lobes: p.phase,
@@ -479,7 +473,9 @@ fn toward_sky(inputs: &Inputs<'_>, numbers: &mut Draws) -> Vec3 {
 fn scatter(inputs: &Inputs<'_>, way: &mut Way, numbers: &mut Draws) -> bool {
     let p = inputs.p;
     way.depth += 1;
-    let spot = spot(inputs, way);
+    let eye = Vec3::new(p.mesh_eye[0], p.mesh_eye[1], p.mesh_eye[2]);
+    let mesh = inputs.mesh.filter(|_| way.surface < FAR);
+    let spot = spot(mesh, inputs.materials, eye + way.place, way.direction, way.triangle);
     let from = way.direction;
     let extent = MeshRecord::MARGIN * p.mesh_eye[3];
     way.place += extent * spot.facet;
@@ -489,77 +485,6 @@ fn scatter(inputs: &Inputs<'_>, way: &mut Way, numbers: &mut Draws) -> bool {
         way.mode = path_mode::SHADOW;
     }
     looks
-}
-
-/// What the path scatters at.
-fn spot(inputs: &Inputs<'_>, way: &Way) -> Spot {
-    let none = Spot {
-        surface: false,
-        normal: Vec3::ZERO,
-        facet: Vec3::ZERO,
-        diffuse: Vec3::ZERO,
-        specular: Vec3::ZERO,
-        exponent: 0.0,
-    };
-    let Some(mesh) = inputs.mesh.filter(|_| way.surface < FAR) else { return none };
-    let (at, material) = mesh.triangle(way.triangle);
-    let record = |n: usize| Vec3::from(mesh.place(at + n));
-    let (a, b, c) = (record(0), record(1), record(2));
-    let across = (b - a).cross(c - a);
-    let own = across / across.dot(across).sqrt().max(f32::MIN_POSITIVE);
-    let facet = if own.dot(way.direction) > 0.0 { -own } else { own };
-    let eye = Vec3::new(inputs.p.mesh_eye[0], inputs.p.mesh_eye[1], inputs.p.mesh_eye[2]);
-    let place = eye + way.place;
-    // Shares of the corners: twice the areas across from them.
-    let area = |p: Vec3, q: Vec3| (p - place).cross(q - place).dot(own);
-    let normal = area(b, c) * record(3) + area(c, a) * record(4) + area(a, b) * record(5);
-    let size = normal.dot(normal).sqrt();
-    let normal = if size > 0.0 { normal / size } else { facet };
-    let normal = if normal.dot(facet) < 0.0 { -normal } else { normal };
-    let of = &inputs.tables[(inputs.p.materials_at + 8 * material) as usize..][..8];
-    Spot {
-        surface: true,
-        normal,
-        facet,
-        diffuse: Vec3::new(of[0], of[1], of[2]),
-        specular: Vec3::new(of[4], of[5], of[6]),
-        exponent: of[3],
-    }
-}
-
-/// The share of light from `toward` that is scattered back along `from`, per steradian: on a surface times the cosine.
-fn scattered(inputs: &Inputs<'_>, spot: &Spot, from: Vec3, toward: Vec3) -> Vec3 {
-    if !spot.surface {
-        return Vec3::splat(phase(&inputs.phase, F::splat(toward.dot(from))).0[0]);
-    }
-    let facing = spot.normal.dot(toward);
-    if facing <= 0.0 || spot.facet.dot(toward) <= 0.0 {
-        return Vec3::ZERO;
-    }
-    let cosine = from.dot(toward - 2.0 * facing * spot.normal);
-    let lobe =
-        if cosine > 0.0 { (spot.exponent + 2.0) / (2.0 * PI) * cosine.min(1.0).powf(spot.exponent) } else { 0.0 };
-    facing * (spot.diffuse / PI + lobe * spot.specular)
-}
-
-/// The part of a surface's directions that are drawn from its diffuse term.
-fn dull(spot: &Spot) -> f32 {
-    let (d, s) = (spot.diffuse, spot.specular);
-    let (diffuse, specular) = (d.x + d.y + d.z, s.x + s.y + s.z);
-    if specular > 0.0 { diffuse / (diffuse + specular) } else { 1.0 }
-}
-
-/// The probability that a path from `from` goes on toward `toward`, per steradian.
-fn scattered_density(inputs: &Inputs<'_>, spot: &Spot, from: Vec3, toward: Vec3) -> f32 {
-    if !spot.surface {
-        return bend_density(&inputs.phase, &inputs.tables[inputs.p.bends_at as usize..], toward.dot(from));
-    }
-    let facing = spot.normal.dot(toward);
-    let cosine = from.dot(toward - 2.0 * facing * spot.normal);
-    let lobe =
-        if cosine > 0.0 { (spot.exponent + 1.0) / (2.0 * PI) * cosine.min(1.0).powf(spot.exponent) } else { 0.0 };
-    let part = dull(spot);
-    part * facing.max(0.0) / PI + (1.0 - part) * lobe
 }
 
 /// Chooses a light and what comes from it but for the medium; whether anything does. The ray is then toward the light.
@@ -581,10 +506,10 @@ fn look(inputs: &Inputs<'_>, way: &mut Way, spot: &Spot, numbers: &mut Draws) ->
     } else {
         toward = toward_sky(inputs, numbers);
         distance = FAR;
-        let density = sky_density(inputs, toward) + scattered_density(inputs, spot, from, toward);
+        let density = sky_density(inputs, toward) + scattered_density(&inputs.phase, inputs.bends, spot, from, toward);
         arriving = if density > 0.0 { surroundings(inputs, toward) / density } else { Vec3::ZERO };
     }
-    way.pending = way.weight * scattered(inputs, spot, from, toward) * arriving;
+    way.pending = way.weight * scattered(&inputs.phase, spot, from, toward) * arriving;
     if way.pending == Vec3::ZERO {
         return false;
     }
@@ -617,11 +542,11 @@ fn onward(inputs: &Inputs<'_>, way: &mut Way, spot: &Spot, from: Vec3, numbers: 
                 around(mirrored, c, draw(numbers))
             }
         } else {
-            let c = bend(&inputs.phase, &inputs.tables[p.bends_at as usize..], numbers);
+            let c = bend(&inputs.phase, inputs.bends, numbers);
             around(from, c, draw(numbers))
         };
-        way.density = scattered_density(inputs, spot, from, way.next);
-        let share = scattered(inputs, spot, from, way.next);
+        way.density = scattered_density(&inputs.phase, inputs.bends, spot, from, way.next);
+        let share = scattered(&inputs.phase, spot, from, way.next);
         way.weight = if way.density > 0.0 { way.weight * share / way.density } else { Vec3::ZERO };
         let most = way.weight.x.max(way.weight.y).max(way.weight.z);
         let mut stays = (most / Path::WEAK).min(1.0);

@@ -95,11 +95,13 @@ pub enum Helper {
     Walk,
     /// Directions in which scattering bends.
     Bend,
+    /// Places where paths scatter.
+    Spot,
 }
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -116,6 +118,7 @@ impl Helper {
         Self::Random,
         Self::Walk,
         Self::Bend,
+        Self::Spot,
     ];
 
     /// Name of its file, without the language's ending.
@@ -137,6 +140,7 @@ impl Helper {
             Self::Random => "random",
             Self::Walk => "walk",
             Self::Bend => "bend",
+            Self::Spot => "spot",
         }
     }
 }
@@ -270,6 +274,7 @@ const PATH: Recipe = Recipe {
         Helper::Random,
         Helper::Walk,
         Helper::Bend,
+        Helper::Spot,
     ],
 };
 
