@@ -321,7 +321,8 @@ fn reciprocity(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let ([there, u], [back, v]) = (sent(a, b)?, sent(b, a)?);
     check!(there > 0.0, "nothing is sent");
     let difference = (there - back).abs();
-    record.score("light sent", "difference of the two", difference / there, 5e-2);
+    // So that noise does not hide what the next line looks for: 0.3 % as measured.
+    record.score("light sent", "difference of the two", difference / there, 2e-2);
     record.score("light sent", "the same in standard deviations", difference / (u + v).sqrt(), 5.0);
     Ok(())
 }

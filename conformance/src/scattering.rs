@@ -217,7 +217,7 @@ pub struct Multiple {
     scene: fn() -> Result<Scene, Failed>,
 }
 
-/// Sweeps over grids of 40 cells with 48 directions, where the environment's first order takes 192.
+/// With the default sweeps: 40 cells, 48 directions, three bands.
 fn all_orders(mut scene: Scene) -> Scene {
     scene.estimate.scattering = Some(ScatteringEstimate::Sweeps(Sweeps::default()));
     scene

@@ -289,33 +289,15 @@ impl<'a> Setup<'a> {
         Some(out)
     }
 
-    /// What moments weigh toward each direction: β'_l times the dual of the basis under the pixels' weights, so that the
-    /// moments of what is scattered are exactly β' times those that were.
-    fn source_weights(&self) -> Vec<f32> {
-        let (harmonics, count) = (self.harmonics(), self.coefficients() as usize);
-        let directions = healpix::directions(self.nside);
-        let mut values = vec![0.0; count];
-        let basis = DMatrix::from_row_iterator(
-            directions.len(),
-            count,
-            directions.iter().flat_map(|&d| {
-                harmonics.eval(d, &mut values);
-                values.clone()
-            }),
-        );
-        let weights = DMatrix::from_row_slice(directions.len(), count, &pixel_integrals(self.nside, &harmonics));
-        let gram = weights.transpose() * &basis;
-        // The directions resolve the bands: validated with the scene.
-        let dual = basis * gram.try_inverse().unwrap_or_else(|| DMatrix::identity(count, count));
-        let f = f64::from(self.forward);
-        let beta = |k: usize| (self.moments[k.isqrt()] - f) / (1.0 - f);
-        dual.row_iter().flat_map(|row| (0..count).map(|k| (row[k] * beta(k)) as f32).collect::<Vec<_>>()).collect()
-    }
-
     fn solve(&self, optics: Buf<f32>, parts: Vec<Part>, plan: &mut Plan<'a>) -> Buf<f32> {
         let source = plan.input("scattered light", self.values());
-        let weights = self.source_weights();
-        let source_weights = plan.table("scattering sources", weights);
+        let (nside, harmonics) = (self.nside, self.harmonics());
+        let f = f64::from(self.forward);
+        let beta: Vec<f64> = self.moments.iter().map(|moment| (moment - f) / (1.0 - f)).collect();
+        let content = (nside, self.bands, beta.iter().map(|b| b.to_bits()).collect::<Vec<_>>());
+        let count = self.options.directions * self.coefficients();
+        let source_weights =
+            plan.upload("scattering sources", count.into(), &content, move || source_weights(nside, &harmonics, &beta));
         let of = Carried {
             sources: Some((source, source_weights, self.coefficients())),
             ..self.carried("scattering", optics, self.forward, plan)
@@ -353,4 +335,24 @@ impl<'a> Setup<'a> {
         let spec = FieldSpec { dims: self.ordinates.cells, layers, format: FieldFormat::Rgba };
         plan.publish("scattered", out, spec)
     }
+}
+
+/// What moments weigh toward each pixel: β'_l times the dual of the basis under the pixels' weights, so that the moments of
+/// what is scattered are exactly β' times those that were.
+fn source_weights(nside: u32, harmonics: &SphericalHarmonics, beta: &[f64]) -> Vec<f32> {
+    let (directions, count) = (healpix::directions(nside), harmonics.count());
+    let mut values = vec![0.0; count];
+    let basis = DMatrix::from_row_iterator(
+        directions.len(),
+        count,
+        directions.iter().flat_map(|&d| {
+            harmonics.eval(d, &mut values);
+            values.clone()
+        }),
+    );
+    let weights = DMatrix::from_row_slice(directions.len(), count, &pixel_integrals(nside, harmonics));
+    let gram = weights.transpose() * &basis;
+    // The directions resolve the bands: validated with the scene.
+    let dual = basis * gram.try_inverse().unwrap_or_else(|| DMatrix::identity(count, count));
+    dual.row_iter().flat_map(|row| (0..count).map(|k| (row[k] * beta[k.isqrt()]) as f32).collect::<Vec<_>>()).collect()
 }
