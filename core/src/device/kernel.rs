@@ -48,6 +48,8 @@ pub enum KernelElement {
     Scalar(KernelScalar),
     /// Two floats.
     F32x2,
+    /// A signed integer that is added to atomically.
+    Atomic,
     /// A [`KernelStruct`] of this name.
     Struct(&'static str),
 }
@@ -59,6 +61,8 @@ impl KernelElement {
             (_, Self::Scalar(scalar)) => scalar.name(language),
             (KernelLanguage::Wgsl, Self::F32x2) => "vec2<f32>",
             (KernelLanguage::Opencl, Self::F32x2) => "float2",
+            (KernelLanguage::Wgsl, Self::Atomic) => "atomic<i32>",
+            (KernelLanguage::Opencl, Self::Atomic) => "int",
             (_, Self::Struct(name)) => name,
         }
     }
@@ -76,6 +80,10 @@ impl BufferElement for f32 {
 
 impl BufferElement for u32 {
     const ELEMENT: KernelElement = KernelElement::Scalar(KernelScalar::U32);
+}
+
+impl BufferElement for i32 {
+    const ELEMENT: KernelElement = KernelElement::Atomic;
 }
 
 impl BufferElement for [f32; 2] {

@@ -82,7 +82,7 @@ fn choose(weights: &[f64], by: impl Fn(usize, f64) -> f64) -> Vec<f32> {
 }
 
 /// The choice among the pieces of a phase function's table, by 1/sr: each piece is drawn evenly in solid angle.
-fn bends(values: &[f64]) -> Vec<f32> {
+pub(super) fn bends(values: &[f64]) -> Vec<f32> {
     let last = (values.len() - 1) as f64;
     let angle = |i: f64| PI * i / last;
     let band = |i: usize| 2.0 * PI * (angle(i as f64).cos() - angle(i as f64 + 1.0).cos());
