@@ -6,13 +6,18 @@ use std::fmt::Debug;
 
 use glam::DVec3;
 
+mod discrete;
 mod harmonics;
 pub mod healpix;
+mod icosphere;
 pub mod quadrature;
+mod radial;
 pub mod window;
 
+pub use discrete::DiscreteSpherical;
 pub use harmonics::{SphericalHarmonics, eval_f32, recurrence_table};
 pub use healpix::pixel_integrals;
+pub use radial::RadialFunctions;
 pub use window::Window;
 
 /// Above this [`gram_error`] a direction set is too coarse for a basis: products of its functions alias.
@@ -36,6 +41,14 @@ pub trait Basis: Debug + Send + Sync {
     /// Where `out` is shorter.
     fn eval(&self, d: DVec3, out: &mut [f64]);
 
+    /// Calls `visit` with k and b_k(d) for every function that is not zero at the unit vector `d`; it may be called for
+    /// others too.
+    fn each(&self, d: DVec3, visit: &mut dyn FnMut(usize, f64)) {
+        let mut values = vec![0.0; self.count()];
+        self.eval(d, &mut values);
+        values.into_iter().enumerate().for_each(|(k, v)| visit(k, v));
+    }
+
     /// ∫ b_k dω over the sphere for every k.
     fn integrals(&self) -> Vec<f64>;
 
@@ -44,6 +57,15 @@ pub trait Basis: Debug + Send + Sync {
     /// # Errors
     /// [`BasisError::Length`] where there are not as many moments as functions.
     fn coefficients(&self, moments: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, BasisError>;
+
+    /// The coefficients F of light from the one direction `d`, a unit vector, for each unit of irradiance: those of the
+    /// moments b_k(d).
+    fn directional(&self, d: DVec3) -> Vec<f64> {
+        let mut moments = vec![[0.0; 3]; self.count()];
+        self.each(d, &mut |k, v| moments[k][0] = v);
+        let coefficients = self.coefficients(&moments).expect("a moment a function");
+        coefficients.into_iter().map(|[f, _, _]| f).collect()
+    }
 }
 
 /// A basis or a direction set out of range.
@@ -54,6 +76,14 @@ pub enum BasisError {
     Bands {
         /// What was asked for.
         bands: u32,
+    },
+    /// A number of functions that no basis of directions has.
+    #[error("{functions} functions; {known:?} can be had")]
+    Functions {
+        /// What was asked for.
+        functions: u32,
+        /// Numbers that there are.
+        known: &'static [u32],
     },
     /// Not as many values as functions.
     #[error("{found} coefficients for {expected} functions")]
