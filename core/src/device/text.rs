@@ -8,11 +8,12 @@ use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    Accumulate, AccumulateParams, BlobRecord, CoarsenParams, FAR, IlluminateParams, Inject, InjectParams, LightFace,
-    LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct, ObstructParams, Path,
-    PathParams, PathRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams,
-    ShadeParams, ShadowParams, Stage, SweepDirection, SweepParams, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, alone, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
+    Accumulate, AccumulateParams, BlobRecord, CoarsenParams, EvaluateParams, FAR, IlluminateParams, Inject,
+    InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct,
+    ObstructParams, Path, PathParams, PathRecord, PhaseParams, Project, ProjectParams, PropagateParams,
+    ReconstructParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, SweepDirection,
+    SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, alone, inject_kind, path_mode,
+    propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -278,6 +279,16 @@ const PATH: Recipe = Recipe {
     ],
 };
 
+const EVALUATE: Recipe =
+    Recipe { params: EvaluateParams::NAME, structs: &[EvaluateParams::text], per_field: &[], helpers: &[] };
+
+const RECONSTRUCT: Recipe = Recipe {
+    params: ReconstructParams::NAME,
+    structs: &[ReconstructParams::text],
+    per_field: &[],
+    helpers: &[Helper::Harmonics],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -298,6 +309,8 @@ impl Recipe {
             Stage::Sweep(_) => SWEEP,
             Stage::Obstruct(_) => OBSTRUCT,
             Stage::Path(_) => PATH,
+            Stage::Evaluate(_) => EVALUATE,
+            Stage::Reconstruct(_) => RECONSTRUCT,
         }
     }
 

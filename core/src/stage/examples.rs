@@ -3,8 +3,8 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reduce, Relight, Shade, Shadow,
-    Stage, Sweep, Trace, Upsample,
+    Accumulate, Coarsen, Evaluate, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reconstruct, Reduce,
+    Relight, Shade, Shadow, Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
@@ -154,6 +154,22 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             sums: buf(10),
             paths: buf(11),
             film: buf(12),
+        }),
+        Stage::Evaluate(Evaluate {
+            params: Zeroable::zeroed(),
+            matrices: buf(0),
+            light: buf(1),
+            views: full.then(|| buf(2)),
+            out: buf(3),
+        }),
+        Stage::Reconstruct(Reconstruct {
+            params: Zeroable::zeroed(),
+            rows: buf(0),
+            clusters: buf(1),
+            weights: full.then(|| buf(2)),
+            radiance: buf(3),
+            tables: buf(4),
+            out: buf(5),
         }),
     ]
 }

@@ -6,6 +6,7 @@
 
 mod accumulate;
 mod coarsen;
+mod evaluate;
 mod examples;
 mod grid;
 mod illuminate;
@@ -18,6 +19,7 @@ mod photon_tables;
 mod photons;
 mod project;
 pub mod propagate;
+mod reconstruct;
 mod reduce;
 mod relight;
 mod shade;
@@ -28,6 +30,7 @@ mod upsample;
 
 pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
 pub use coarsen::{Coarsen, CoarsenParams};
+pub use evaluate::{Evaluate, EvaluateParams};
 pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
 pub use illuminate::{Illuminate, IlluminateParams};
@@ -40,6 +43,7 @@ pub use photon_tables::{PhotonTable, photon_tables};
 pub use photons::{PhotonDirection, PhotonParams, Photons, photon_counter, photon_deposit};
 pub use project::{Project, ProjectParams};
 pub use propagate::{LightFace, LightPlace, Propagate, PropagateParams};
+pub use reconstruct::{Reconstruct, ReconstructParams};
 pub use reduce::{Reduce, ReduceParams};
 pub use relight::{Relight, RelightParams};
 pub use shade::{MaterialRecord, Shade, ShadeParams};
@@ -129,6 +133,10 @@ pub enum Stage {
     Obstruct(Obstruct),
     /// Unbiased paths of light through everything.
     Path(Path),
+    /// What clusters of transfer matrices make of light.
+    Evaluate(Evaluate),
+    /// In-scattered radiance from clusters of transfer matrices.
+    Reconstruct(Reconstruct),
 }
 
 macro_rules! each {
@@ -150,6 +158,8 @@ macro_rules! each {
             Stage::Sweep($stage) => $value,
             Stage::Obstruct($stage) => $value,
             Stage::Path($stage) => $value,
+            Stage::Evaluate($stage) => $value,
+            Stage::Reconstruct($stage) => $value,
         }
     };
 }
@@ -160,7 +170,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 16] = [
+    pub const NAMES: [&'static str; 18] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -177,6 +187,8 @@ impl Stage {
         Sweep::NAME,
         Obstruct::NAME,
         Path::NAME,
+        Evaluate::NAME,
+        Reconstruct::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -234,6 +246,8 @@ impl Stage {
             Self::Sweep(stage) => stage.passes(turns)?.into_iter().map(Self::Sweep).collect(),
             Self::Obstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Obstruct).collect(),
             Self::Path(stage) => stage.passes(turns)?.into_iter().map(Self::Path).collect(),
+            Self::Evaluate(stage) => stage.passes(turns)?.into_iter().map(Self::Evaluate).collect(),
+            Self::Reconstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Reconstruct).collect(),
         })
     }
 
