@@ -61,7 +61,9 @@ impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match error {
             // The scene asks for more than the machine has: it is the input that must change.
-            RenderError::Scene(_) | RenderError::Exec(ExecError::Memory { .. }) => Self::input(error),
+            RenderError::Scene(_) | RenderError::Transfer(_) | RenderError::Exec(ExecError::Memory { .. }) => {
+                Self::input(error)
+            }
             RenderError::Exec(_) => Self::running(error),
         }
     }

@@ -4,13 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airlight::basis::window::{DIRECTIONS, Ringing};
+use airlight::device::Bytes;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light, Split};
 use airlight::media::{Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
 use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Reason, Scene};
+use airlight::transfer::Channel;
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
-use airlight_formats::{mesh, volume};
+use airlight_formats::{mesh, transfer, volume};
 use serde_json::{Map, Value, json};
 
 use crate::failure::Failure;
@@ -19,8 +21,8 @@ use crate::{Done, output};
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// A scene (.toml), a volume (.vdb, .nrrd, .nii, .nii.gz, .mhd, .vol), an environment (.exr, .hdr) or surfaces (.obj,
-    /// .gltf, .glb).
+    /// A scene (.toml), a volume (.vdb, .nrrd, .nii, .nii.gz, .mhd, .vol), an environment (.exr, .hdr), surfaces (.obj, .gltf,
+    /// .glb) or a transfer (.transfer).
     file: PathBuf,
     /// Print JSON (see docs/json.md).
     #[arg(long)]
@@ -34,6 +36,7 @@ pub(crate) fn run(options: &Options) -> Done {
         "toml" => scene(path)?,
         "exr" | "hdr" | "pic" => environment_file(path)?,
         "obj" | "gltf" | "glb" => mesh_file(path)?,
+        "transfer" => transfer_file(path)?,
         _ => volume_file(path)?,
     };
     if options.json {
@@ -114,6 +117,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "environment": estimate.environment.as_ref().map(|e| format!("{e:?}")),
             "lights": estimate.lights.as_ref().map(|l| format!("{l:?}")),
             "scattering": estimate.scattering.as_ref().map(|s| format!("{s:?}")),
+            "all": estimate.all.as_ref().map(|a| format!("{a:?}")),
         },
         "quality": {
             "step": quality.step,
@@ -442,4 +446,37 @@ fn density(medium: &dyn Medium) -> Map<String, Value> {
     map.insert("filled".into(), number(filled as f64 / lattice.voxels() as f64));
     map.insert("largest_column".into(), json!(columns.to_array().map(number)));
     map
+}
+
+/// What a transfer holds, and what its compression loses.
+fn transfer_file(path: &Path) -> Result<Value, Failure> {
+    let found = transfer::read(path)?;
+    let (shape, origin) = (found.shape(), found.origin());
+    let channel = |channel: &Channel| {
+        let mut errors: Vec<f64> = channel.errors.iter().map(|&e| e.into()).collect();
+        errors.sort_by(f64::total_cmp);
+        let at =
+            |share: f64| errors.get((share * errors.len().saturating_sub(1) as f64) as usize).copied().unwrap_or(0.0);
+        json!({
+            "loss": channel.loss,
+            "cluster_loss": { "least": at(0.0), "median": at(0.5), "most": at(1.0) },
+        })
+    };
+    Ok(json!({
+        "transfer": path.display().to_string(),
+        "cells": shape.cells,
+        "rows": shape.rows.len(),
+        "basis": transfer::basis_text(shape.basis),
+        "functions": shape.basis.count(),
+        "bands": shape.bands,
+        "clusters": shape.clusters,
+        "components": shape.components,
+        "memory": Bytes(found.bytes()).to_string(),
+        "made_from": {
+            "lattice": format!("{:032x}", origin.lattice),
+            "density": format!("{:032x}", origin.density),
+            "optics": format!("{:032x}", origin.optics),
+        },
+        "channel": found.channels().iter().map(channel).collect::<Vec<_>>(),
+    }))
 }

@@ -13,6 +13,7 @@ mod failure;
 mod frames;
 mod info;
 mod output;
+mod precompute;
 mod progress;
 mod render;
 
@@ -39,6 +40,8 @@ enum Command {
     Devices(devices::Options),
     /// Tell what a scene, a volume or an environment holds.
     Info(info::Options),
+    /// Make the data that the estimator `transfer` relights a medium from.
+    Precompute(precompute::Options),
     /// Compare two pictures.
     Compare(compare::Options),
     /// Compare the estimators that fit a scene: error against path tracing, time, memory, pictures.
@@ -55,6 +58,7 @@ fn main() -> ExitCode {
         Command::Render(options) => render::run(&options),
         Command::Devices(options) => devices::run(&options),
         Command::Info(options) => info::run(&options),
+        Command::Precompute(options) => precompute::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Estimators(options) => estimators::run(&options),
         Command::Conformance(options) => conformance::run(&options),

@@ -171,7 +171,7 @@ fn limit_time(options: &Options, scene: &mut Scene) -> Done {
             path.time_limit = limit;
             Ok(())
         }
-        (Some(_), None) => {
+        (Some(_), None | Some(AllEstimate::Transfer(_))) => {
             let what = "--time-limit: only estimate.all = \"path\" adds samples until it is told to stop";
             Err(Failure::input(format!("{}: {what}", options.scene.display())))
         }
@@ -227,6 +227,7 @@ fn estimators(scene: &Scene) -> Vec<String> {
     });
     let all = scene.estimate.all.as_ref().map(|a| match a {
         AllEstimate::Path(p) => format!("all: path {p:?}"),
+        AllEstimate::Transfer(t) => format!("all: transfer {t:?}"),
     });
     environment.into_iter().chain(lights).chain(scattering).chain(all).collect()
 }

@@ -20,6 +20,7 @@ pub mod random;
 pub mod reference;
 pub mod scene;
 pub mod stage;
+pub mod transfer;
 pub mod version;
 
 pub use glam;

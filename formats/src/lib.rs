@@ -6,6 +6,7 @@ pub mod mesh;
 pub mod output;
 pub mod scene;
 pub mod sequence;
+pub mod transfer;
 pub mod volume;
 
 pub use error::FormatError;

@@ -2,13 +2,19 @@
 //!
 //! An estimator plans the stages that prepare its J and adds what the march shall read to [`Sources`].
 
+mod basis_lights;
 mod direct;
 mod opacity;
 mod ordinates;
 mod records;
+mod scatter;
 mod sweeps;
+mod transfer;
 
 use glam::{DVec3, Vec3};
+
+pub(crate) use basis_lights::{BasisLights, Batch, TOGETHER};
+pub(crate) use transfer::Relit;
 
 use crate::device::{Buf, Field};
 use crate::exec::{Plan, RenderError};
@@ -168,7 +174,7 @@ pub enum LightShadow {
 }
 
 /// Cells along each axis of a box of `lengths` (metres): `cells` along the longest, the others in proportion.
-fn grid(cells: u32, lengths: DVec3) -> [u32; 3] {
+pub(crate) fn grid(cells: u32, lengths: DVec3) -> [u32; 3] {
     let share = lengths / lengths.max_element() * f64::from(cells);
     share.to_array().map(|n| n.round().max(1.0) as u32)
 }

@@ -17,13 +17,13 @@ use std::f64::consts::PI;
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DVec3, Vec3};
-use nalgebra::DMatrix;
 
-use super::ordinates::{Carried, Ordinates};
+use super::ordinates::Carried;
+use super::scatter::Scattering;
 use super::{Estimator, InScatter, MediumFields, Sources, Y0};
-use crate::basis::{Basis, SphericalHarmonics, healpix, pixel_integrals, recurrence_table};
+use crate::basis::recurrence_table;
 use crate::device::{Buf, FieldFormat, FieldSpec};
-use crate::exec::{Part, Plan, RenderError, Solve};
+use crate::exec::{Part, Plan, RenderError};
 use crate::scene::{Orders, Scene, SurfaceShadow, Sweeps};
 use crate::stage::{Illuminate, IlluminateParams, LightRecord, Relight, RelightParams, Stage};
 
@@ -45,7 +45,8 @@ impl Estimator for Sweeps {
         if !lit || scene.optics.albedo == Vec3::ZERO || self.orders == Orders::Count(1) {
             return Ok(());
         }
-        let mut setup = Setup::new(self, scene, medium);
+        let channels = if colorless(scene, medium) { 1 } else { 3 };
+        let mut setup = Scattering::new(*self, scene, medium, channels);
         setup.ordinates.obstruct("obstructions", sources.mesh, plan);
         let optics = setup.ordinates.coarsen("cells", setup.forward, plan);
         let mut parts = setup.unscattered("", optics, setup.forward, plan);
@@ -74,20 +75,6 @@ impl Sweeps {
     }
 }
 
-/// What all parts of the plan share.
-struct Setup<'a> {
-    options: &'a Sweeps,
-    ordinates: Ordinates<'a>,
-    nside: u32,
-    /// Bands that are carried: no more than the phase function reaches.
-    bands: u32,
-    /// The phase function's moments, and the share of scattered light that goes on.
-    moments: Vec<f64>,
-    forward: f32,
-    /// Channels of moments: 1 where nothing has a colour.
-    channels: u32,
-}
-
 /// Whether nothing in a scene tells the channels apart.
 fn colorless(scene: &Scene, medium: &MediumFields) -> bool {
     let grey = |v: Vec3| v.x == v.y && v.y == v.z;
@@ -105,53 +92,7 @@ fn colorless(scene: &Scene, medium: &MediumFields) -> bool {
         && scene.lights.iter().all(|light| grey(light.power()))
 }
 
-impl<'a> Setup<'a> {
-    fn new(options: &'a Sweeps, scene: &'a Scene, medium: &MediumFields) -> Self {
-        let (phase, lattice) = (&scene.optics.phase, scene.medium.lattice());
-        let bands = options.bands.min(phase.reach().unwrap_or(u32::MAX));
-        let moments = phase.moments(bands + 1);
-        // A phase function that goes below zero there scatters back, which nothing goes on from.
-        let forward = moments[bands as usize].max(0.0);
-        Self {
-            options,
-            nside: options.nside().expect("validated with the scene"),
-            ordinates: Ordinates {
-                scene,
-                medium: *medium,
-                cells: options.grid(lattice.edges() * lattice.dims().as_dvec3()),
-                obstructed: None,
-            },
-            bands,
-            moments,
-            forward: forward as f32,
-            channels: if colorless(scene, medium) { 1 } else { 3 },
-        }
-    }
-
-    fn scene(&self) -> &'a Scene {
-        self.ordinates.scene
-    }
-
-    fn coefficients(&self) -> u32 {
-        self.bands * self.bands
-    }
-
-    fn harmonics(&self) -> SphericalHarmonics {
-        SphericalHarmonics::new(self.bands).expect("validated with the scene")
-    }
-
-    fn values(&self) -> u64 {
-        self.ordinates.count().saturating_mul(u64::from(self.coefficients() * self.channels))
-    }
-
-    /// Whether the extinction of one channel serves all where the share `forward` goes on.
-    fn grey(&self, forward: f32) -> bool {
-        let optics = &self.scene().optics;
-        let albedo = optics.albedo;
-        let alike = self.ordinates.medium.scattering.is_none() && albedo.x == albedo.y && albedo.y == albedo.z;
-        optics.is_grey() && (forward == 0.0 || alike)
-    }
-
+impl<'a> Scattering<'a> {
     /// Unscattered light from all around and of the medium's own, where its first order is estimated, in the medium in which
     /// the share `forward` of scattered light goes on.
     fn unscattered(&self, own: &str, optics: Buf<f32>, forward: f32, plan: &mut Plan<'a>) -> Vec<Part> {
@@ -160,12 +101,6 @@ impl<'a> Setup<'a> {
         parts.extend(self.environment(own, optics, forward, plan).map(part));
         parts.extend(self.emission(own, optics, forward, plan).map(part));
         parts
-    }
-
-    /// Extinction per unit of density of the similar medium.
-    fn similar_extinction(&self) -> Vec3 {
-        let optics = &self.scene().optics;
-        optics.extinction * (1.0 - self.forward * optics.albedo)
     }
 
     fn environment(&self, own: &str, optics: Buf<f32>, forward: f32, plan: &mut Plan<'a>) -> Option<Buf<f32>> {
@@ -208,41 +143,6 @@ impl<'a> Setup<'a> {
         let name = format!("{own}glow");
         let of = Carried { emits: true, ..self.carried(&name, optics, forward, plan) };
         Some(self.swept(&name, of, plan))
-    }
-
-    /// Light along the pixels' centres that nothing sends yet, and its moments.
-    fn carried(&self, name: &str, optics: Buf<f32>, forward: f32, plan: &mut Plan<'a>) -> Carried {
-        let (nside, harmonics) = (self.nside, self.harmonics());
-        let directions = self.ordinates.directions(
-            &format!("{name} directions"),
-            self.options.directions,
-            &nside,
-            move || healpix::directions(nside),
-            plan,
-        );
-        let count = self.options.directions * self.coefficients();
-        let weights = plan.upload(&format!("{name} weights"), count.into(), &(nside, self.bands), move || {
-            pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
-        });
-        Carried {
-            optics,
-            directions,
-            channels: self.channels,
-            grey: self.grey(forward),
-            boundary: 0.0,
-            emits: false,
-            sources: None,
-            weights: (weights, 1),
-            coefficients: self.coefficients(),
-            planar: true,
-        }
-    }
-
-    fn swept(&self, name: &str, of: Carried, plan: &mut Plan<'a>) -> Buf<f32> {
-        let moments = plan.output(&format!("{name} moments"), self.values());
-        let sweep = self.ordinates.sweep(name, of, moments, plan);
-        plan.stage(Stage::Sweep(sweep));
-        moments
     }
 
     /// Unscattered light of the lights, where their first order is estimated, in the similar medium.
@@ -289,26 +189,6 @@ impl<'a> Setup<'a> {
         Some(out)
     }
 
-    fn solve(&self, optics: Buf<f32>, parts: Vec<Part>, plan: &mut Plan<'a>) -> Buf<f32> {
-        let source = plan.input("scattered light", self.values());
-        let (nside, harmonics) = (self.nside, self.harmonics());
-        let f = f64::from(self.forward);
-        let beta: Vec<f64> = self.moments.iter().map(|moment| (moment - f) / (1.0 - f)).collect();
-        let content = (nside, self.bands, beta.iter().map(|b| b.to_bits()).collect::<Vec<_>>());
-        let count = self.options.directions * self.coefficients();
-        let source_weights =
-            plan.upload("scattering sources", count.into(), &content, move || source_weights(nside, &harmonics, &beta));
-        let of = Carried {
-            sources: Some((source, source_weights, self.coefficients())),
-            ..self.carried("scattering", optics, self.forward, plan)
-        };
-        let scattered = plan.output("scattering moments", self.values());
-        let out = plan.input("scattered moments", self.values());
-        let sweep = self.ordinates.sweep("scattering", of, scattered, plan);
-        plan.solve(Solve { stage: Stage::Sweep(sweep), parts, source, scattered, out, orders: self.options.orders });
-        out
-    }
-
     fn relight(&self, records: Buf<f32>, plan: &mut Plan<'a>) -> crate::device::Field {
         let layers = self.coefficients();
         let single = if layers == 1 { Y0 } else { 1.0 };
@@ -335,24 +215,4 @@ impl<'a> Setup<'a> {
         let spec = FieldSpec { dims: self.ordinates.cells, layers, format: FieldFormat::Rgba };
         plan.publish("scattered", out, spec)
     }
-}
-
-/// What moments weigh toward each pixel: β'_l times the dual of the basis under the pixels' weights, so that the moments of
-/// what is scattered are exactly β' times those that were.
-fn source_weights(nside: u32, harmonics: &SphericalHarmonics, beta: &[f64]) -> Vec<f32> {
-    let (directions, count) = (healpix::directions(nside), harmonics.count());
-    let mut values = vec![0.0; count];
-    let basis = DMatrix::from_row_iterator(
-        directions.len(),
-        count,
-        directions.iter().flat_map(|&d| {
-            harmonics.eval(d, &mut values);
-            values.clone()
-        }),
-    );
-    let weights = DMatrix::from_row_slice(directions.len(), count, &pixel_integrals(nside, harmonics));
-    let gram = weights.transpose() * &basis;
-    // The directions resolve the bands: validated with the scene.
-    let dual = basis * gram.try_inverse().unwrap_or_else(|| DMatrix::identity(count, count));
-    dual.row_iter().flat_map(|row| (0..count).map(|k| (row[k] * beta[k.isqrt()]) as f32).collect::<Vec<_>>()).collect()
 }

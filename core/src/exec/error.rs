@@ -2,6 +2,7 @@
 
 use crate::device::{Bytes, DeviceError};
 use crate::scene::SceneError;
+use crate::transfer::TransferError;
 
 /// Why a plan did not run to its end.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -54,6 +55,9 @@ pub enum RenderError {
     /// The scene itself.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// Its transfer.
+    #[error(transparent)]
+    Transfer(#[from] TransferError),
     /// Running it.
     #[error(transparent)]
     Exec(#[from] ExecError),

@@ -7,18 +7,20 @@ use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
+use super::precompute::Transfers;
 use super::surfaces::{Frame, SurfaceShadowing, plan_shade, plan_shadow, plan_trace, upload_lights, upload_mesh};
 use crate::Version;
 use crate::blue_noise;
 use crate::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, fold};
 use crate::estimator::{
-    EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, MeshBuffers, Occupancy,
+    EmissionSource, Estimator, InScatter, LightDepth, LightShadow, Lights, MediumFields, MeshBuffers, Occupancy, Relit,
     Sources,
 };
 use crate::light::Environment;
 use crate::media::{OpticsField, OpticsFields};
 use crate::scene::{AllEstimate, EnvironmentEstimate, Film, Jitter, LightsEstimate, ScatteringEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
+use crate::transfer::Transfer;
 
 /// A film and how it came about.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,6 +79,7 @@ impl<'a> Surface<'a> {
 /// Renders scenes on one device, and keeps between pictures what does not change.
 pub struct Renderer {
     pub(super) executor: Executor,
+    pub(super) transfers: Transfers,
 }
 
 /// Voxels along each side of a cell of the march's occupancy.
@@ -96,7 +99,7 @@ const LIGHT_FLOOR: f64 = 0.01;
 impl Renderer {
     /// A renderer on `device`.
     pub fn new(device: Box<dyn Device>) -> Self {
-        Self { executor: Executor::new(device) }
+        Self { executor: Executor::new(device), transfers: Transfers::default() }
     }
 
     /// The executor, for limits and for stages of one's own.
@@ -132,10 +135,11 @@ impl Renderer {
             let left = self.trace_paths(scene, path, None, hooks)?;
             return Ok(Rendered { film: self.read(&left)?, report: left.report });
         }
+        let transfer = self.transfer(scene, hooks)?;
         let lit = scene.lit();
         // The plan borrows the executor for as long as the scene: both end with this call.
         let (film, report) = self.executor.run(hooks, |plan| {
-            let film = plan_frame(&lit, scene.environment.as_ref(), None, plan)?;
+            let film = plan_frame(&lit, scene.environment.as_ref(), None, transfer.as_deref(), plan)?;
             // The film as the caller gets it.
             plan.host(film.bytes());
             Ok::<_, RenderError>(film)
@@ -160,9 +164,10 @@ impl Renderer {
         if let Some(AllEstimate::Path(path)) = &scene.estimate.all {
             return self.trace_paths(scene, path, surface, hooks);
         }
+        let transfer = self.transfer(scene, hooks)?;
         let lit = scene.lit();
-        let sky = scene.environment.as_ref();
-        let (film, report) = self.executor.submit(hooks, |plan| plan_frame(&lit, sky, surface, plan))?;
+        let (sky, transfer) = (scene.environment.as_ref(), transfer.as_deref());
+        let (film, report) = self.executor.submit(hooks, |plan| plan_frame(&lit, sky, surface, transfer, plan))?;
         Ok(OnDevice { film, width: scene.camera.width, height: scene.camera.height, report })
     }
 
@@ -200,6 +205,7 @@ fn plan_frame<'a>(
     scene: &'a Scene,
     sky: Option<&'a Environment>,
     surface: Option<Surface<'a>>,
+    transfer: Option<&'a Transfer>,
     plan: &mut Plan<'a>,
 ) -> Result<Buf<[f32; 4]>, RenderError> {
     let medium = upload_medium(scene, plan);
@@ -212,6 +218,10 @@ fn plan_frame<'a>(
         Some(LightsEstimate::Opacity(opacity)) => opacity.plan(scene, &medium, plan, &mut sources)?,
         Some(LightsEstimate::Direct(direct)) => direct.plan(scene, &medium, plan, &mut sources)?,
         None => (),
+    }
+    if let (Some(transfer), Some(AllEstimate::Transfer(options))) = (transfer, &scene.estimate.all) {
+        let (view, prefilter) = (options.view, options.prefilter);
+        Relit { scene, transfer, view, prefilter }.plan(&medium, plan, &mut sources);
     }
     let background = plan_background(scene, surface, plan);
     let shadow = mesh.as_ref().and_then(|mesh| plan_shadow(scene, mesh, &sources, plan));

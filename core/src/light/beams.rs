@@ -87,6 +87,13 @@ impl Beams {
     }
 }
 
+impl Environment {
+    /// Its beams, made once for the picture.
+    pub fn beams(&self) -> &Beams {
+        self.content.beams.get_or_init(|| Beams::new(self))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

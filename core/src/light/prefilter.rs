@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Beams, Environment};
+use super::Environment;
 use crate::basis::quadrature::gauss_legendre;
 use crate::basis::{Basis, DiscreteSpherical};
 
@@ -48,7 +48,7 @@ fn gaussian(environment: &Environment, basis: &DiscreteSpherical, deviation: f64
     let turn = glam::DMat3::from_rotation_y(environment.rotation.to_radians());
     let mut sums = vec![glam::DVec3::ZERO; basis.count()];
     let cos_reach = reach.cos();
-    for (direction, flux) in Beams::new(environment).iter() {
+    for (direction, flux) in environment.beams().iter() {
         let direction = turn * direction;
         for (sum, d) in sums.iter_mut().zip(basis.directions()) {
             let cos = d.dot(direction);

@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use super::TransferEstimate;
 use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, Window, gram_error, healpix};
 use crate::media::Phase;
 
@@ -47,6 +48,18 @@ impl Estimate {
 pub enum AllEstimate {
     /// Unbiased path tracing.
     Path(Path),
+    /// Precomputed transfer (Zhang, Dong and Ma 2013).
+    Transfer(TransferEstimate),
+}
+
+impl AllEstimate {
+    /// Its name, as scenes give it.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Path(_) => "path",
+            Self::Transfer(_) => "transfer",
+        }
+    }
 }
 
 /// Options of `path`.
@@ -154,6 +167,16 @@ impl Orders {
     pub const TOLERANCE: f32 = 1e-3;
     /// The most orders.
     pub const MAX: u32 = 10_000;
+
+    pub(super) fn validate(self) -> Result<(), EstimateError> {
+        match self {
+            Self::Count(orders) => range("orders", orders, Self::MAX),
+            Self::Converged { tolerance } if tolerance > 0.0 && tolerance < 1.0 => Ok(()),
+            Self::Converged { tolerance } => {
+                Err(EstimateError::Conflict(format!("tolerance = {tolerance}; it must be above 0 and below 1")))
+            }
+        }
+    }
 }
 
 /// Options of `records`.
@@ -422,14 +445,7 @@ impl Sweeps {
     fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
         range("cells", self.cells, Self::MAX_CELLS)?;
         range("bands", self.bands, Records::MAX_BANDS)?;
-        match self.orders {
-            Orders::Count(orders) => range("orders", orders, Orders::MAX)?,
-            Orders::Converged { tolerance } if tolerance > 0.0 && tolerance < 1.0 => (),
-            Orders::Converged { tolerance } => {
-                let text = format!("tolerance = {tolerance}; it must be above 0 and below 1");
-                return Err(EstimateError::Conflict(text));
-            }
-        }
+        self.orders.validate()?;
         resolved(self.directions, self.bands.min(phase.reach().unwrap_or(u32::MAX)))
     }
 }
@@ -441,7 +457,7 @@ fn nside(directions: u32) -> Option<u32> {
 }
 
 /// An error unless HEALPix has so many directions and they keep the bands apart.
-fn resolved(directions: u32, bands: u32) -> Result<(), EstimateError> {
+pub(super) fn resolved(directions: u32, bands: u32) -> Result<(), EstimateError> {
     let wrong = |range: String| Err(EstimateError::Range { key: "directions", value: directions, range });
     if nside(directions).is_none() {
         let n = (f64::from(directions) / 12.0).sqrt().ceil().clamp(1.0, Records::MAX_NSIDE.into()) as u32;
@@ -455,7 +471,7 @@ fn resolved(directions: u32, bands: u32) -> Result<(), EstimateError> {
 }
 
 /// An error unless the option is from 1 to `max`.
-fn range(key: &'static str, value: u32, max: u32) -> Result<(), EstimateError> {
+pub(super) fn range(key: &'static str, value: u32, max: u32) -> Result<(), EstimateError> {
     if (1..=max).contains(&value) {
         Ok(())
     } else {
@@ -488,13 +504,15 @@ impl Estimate {
     /// # Errors
     /// The first option that is out of range or does not fit.
     pub fn validate(&self, phase: &Phase) -> Result<(), EstimateError> {
-        if let Some(AllEstimate::Path(path)) = &self.all {
-            if self.environment.is_some() || self.lights.is_some() {
-                return Err(EstimateError::Conflict(
-                    "`path` brings all light, and no other estimator beside it".into(),
-                ));
+        if let Some(all) = &self.all {
+            if self.environment.is_some() || self.lights.is_some() || self.scattering.is_some() {
+                let text = format!("`{}` brings all light, and no other estimator beside it", all.name());
+                return Err(EstimateError::Conflict(text));
             }
-            path.validate()?;
+            match all {
+                AllEstimate::Path(path) => path.validate()?,
+                AllEstimate::Transfer(transfer) => transfer.validate(phase)?,
+            }
         }
         match &self.environment {
             Some(EnvironmentEstimate::Records(records)) => {

@@ -10,6 +10,7 @@ mod placement;
 mod quality;
 mod shapes;
 mod sun;
+mod transfer;
 
 use std::sync::Arc;
 
@@ -28,6 +29,7 @@ pub use placement::{Placement, normal_map};
 pub use quality::{Jitter, Quality};
 pub use shapes::Shape;
 pub use sun::{Extraction, Negative, Reason};
+pub use transfer::{Deposit, LightBasis, Precompute, TransferEstimate, TransferSolver, TransferSource, ViewDependence};
 
 use crate::light::{Environment, EnvironmentError, Light};
 use crate::media::{Medium, MediumError, Optics, OpticsError};
@@ -122,7 +124,7 @@ impl Scene {
             return Err(SceneError::Eye(self.camera.origin));
         }
         self.quality.validate(self.medium.as_ref(), self.camera.samples)?;
-        if self.estimate.all.is_some() && self.quality.marches_apart() {
+        if matches!(self.estimate.all, Some(AllEstimate::Path(_))) && self.quality.marches_apart() {
             let (key, what) = match self.quality.temporal {
                 true => ("temporal", "pictures of a sequence are accumulated by the march, which `path` does without"),
                 false => {
@@ -132,6 +134,9 @@ impl Scene {
             return Err(SceneError::Quality { key, what: what.into() });
         }
         self.estimate.validate(&self.optics.phase)?;
+        if let Some(AllEstimate::Transfer(_)) = &self.estimate.all {
+            self.transferable()?;
+        }
         if let (Some(EnvironmentEstimate::Records(records)), Some(environment)) =
             (&self.estimate.environment, &self.environment)
             && records.extract_sun == ExtractSun::Always
@@ -142,6 +147,27 @@ impl Scene {
                 "asks for a sun, and no part of the environment within 10° stands out; leave extract_sun out",
             )
             .into());
+        }
+        Ok(())
+    }
+}
+
+impl Scene {
+    /// An error where a transfer does not bring all light.
+    fn transferable(&self) -> Result<(), EstimateError> {
+        let refuse = |text: &str| Err(EstimateError::Conflict(format!("`transfer` {text}")));
+        if self.lights.iter().any(|light| !matches!(light, Light::Directional { .. })) {
+            return refuse(
+                "carries light from far away, and a point or spot light is near; take `records`, `opacity` and `sweeps`",
+            );
+        }
+        if self.surfaces.is_some() {
+            return refuse("does not know surfaces; take `records`, `opacity` and `sweeps`, or leave the surfaces out");
+        }
+        if self.optics.emits() {
+            return refuse(
+                "carries light from far away, and this medium shines; take `records` and `sweeps`, or set emission = 0",
+            );
         }
         Ok(())
     }

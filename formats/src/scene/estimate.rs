@@ -8,8 +8,8 @@ use airlight_core::scene::{
 };
 
 use super::error::Fault;
-use super::pending::{self, Shape};
 use super::table::{Field, Table};
+use super::transfer::{self, TRANSFER};
 
 const NONE: (&str, &[&str]) = ("none", &[]);
 const RECORDS: (&str, &[&str]) = (
@@ -30,16 +30,13 @@ const RECORDS: (&str, &[&str]) = (
 const OPACITY: (&str, &[&str]) = ("opacity", &["cells", "scheme", "surface_shadow"]);
 const DIRECT: (&str, &[&str]) = ("direct", &["shadow", "surface_shadow"]);
 const SWEEPS: (&str, &[&str]) = ("sweeps", &["cells", "bands", "directions", "orders", "tolerance"]);
-const TRANSFER: (&str, &[&str]) = (
-    "transfer",
-    &["file", "cells", "basis", "functions", "bands", "photons", "deposit", "solver", "clusters", "components"],
-);
 const PATH: (&str, &[&str]) = ("path", &["samples", "max_depth", "time_limit", "noise"]);
 
 /// Without `[estimate]`, and for a key that it leaves out: the defaults. `"none"` leaves that light out.
-pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
+/// A transfer that lies in a file is to be read.
+pub(super) fn estimate<'a>(root: &Table<'a>) -> Result<(Estimate, Option<transfer::Plan<'a>>), Fault> {
     let mut estimate = Estimate::default();
-    let Some(field) = root.get("estimate") else { return Ok(estimate) };
+    let Some(field) = root.get("estimate") else { return Ok((estimate, None)) };
     let table = field.table(&["environment", "lights", "scattering", "all"])?;
     if let Some(all) = table.wanted("all") {
         for key in ["environment", "lights", "scattering"] {
@@ -51,9 +48,10 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
         }
         let (kind, options) = all.kinds(None, &[PATH, TRANSFER])?;
         if kind == "path" {
-            return Ok(Estimate { all: Some(AllEstimate::Path(path(&options)?)), ..Estimate::none() });
+            return Ok((Estimate { all: Some(AllEstimate::Path(path(&options)?)), ..Estimate::none() }, None));
         }
-        return Err(unbuilt(&all, &options, "leave estimate.all out; environment and lights have estimators")?);
+        let (transfer, file) = transfer::parse(options)?;
+        return Ok((Estimate { all: Some(AllEstimate::Transfer(transfer)), ..Estimate::none() }, file));
     }
     if let Some(field) = table.get("environment") {
         estimate.environment = environment(&field)?;
@@ -64,7 +62,7 @@ pub(super) fn estimate(root: &Table<'_>) -> Result<Estimate, Fault> {
     if let Some(field) = table.get("scattering") {
         estimate.scattering = scattering(&field)?;
     }
-    Ok(estimate)
+    Ok((estimate, None))
 }
 
 fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
@@ -76,18 +74,7 @@ fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
         return Ok(None);
     }
     let default = Sweeps::default();
-    let tolerance = table.or("tolerance", None, |f| {
-        f.number_where("above 0 and below 1", |v| v > 0.0 && v < 1.0).map(|v| Some(v as f32))
-    })?;
-    let converged = Orders::Converged { tolerance: tolerance.unwrap_or(Orders::TOLERANCE) };
-    let orders = table.or("orders", converged, |f| match f.text() {
-        Ok("converged") => Ok(converged),
-        Ok(_) => Err(f.wrong(&format!("it must be \"converged\" or a whole number from 1 to {}", Orders::MAX))),
-        Err(_) if tolerance.is_some() => {
-            Err(f.error("estimate.scattering: a number of orders needs no tolerance; give one of them"))
-        }
-        Err(_) => f.whole(1..=Orders::MAX).map(Orders::Count),
-    })?;
+    let orders = orders(&table, "estimate.scattering")?;
     Ok(Some(ScatteringEstimate::Sweeps(Sweeps {
         cells: table.or("cells", default.cells, |f| f.whole(1..=Sweeps::MAX_CELLS))?,
         bands: table.or("bands", default.bands, |f| f.whole(1..=Records::MAX_BANDS))?,
@@ -96,24 +83,19 @@ fn scattering(field: &Field<'_>) -> Result<Option<ScatteringEstimate>, Fault> {
     })))
 }
 
-/// The error for `transfer`, which is not built; its options are checked first.
-fn unbuilt<'a>(field: &Field<'a>, options: &Table<'a>, instead: &str) -> Result<Fault, Fault> {
-    let shapes: &[(&str, Shape)] = &[
-        ("file", Shape::Text),
-        ("cells", Shape::Whole(1, 4096)),
-        ("basis", Shape::OneOf(&["dsf", "sh", "srbf"])),
-        ("functions", Shape::Whole(1, 1_000_000)),
-        ("bands", Shape::Whole(1, Records::MAX_BANDS)),
-        ("photons", Shape::Whole(1, u32::MAX)),
-        ("deposit", Shape::OneOf(&["track", "collision", "absorption"])),
-        ("solver", Shape::OneOf(&["photons", "ordinates"])),
-        ("clusters", Shape::Whole(1, 1_000_000)),
-        ("components", Shape::Whole(1, 1000)),
-    ];
-    pending::check(options, shapes)?;
-    Ok(match options.get("kind") {
-        Some(kind) => kind.pending(instead),
-        None => field.pending(instead),
+/// Which orders of scattering an estimator of the key `of` brings.
+pub(super) fn orders(table: &Table<'_>, of: &str) -> Result<Orders, Fault> {
+    let tolerance = table.or("tolerance", None, |f| {
+        f.number_where("above 0 and below 1", |v| v > 0.0 && v < 1.0).map(|v| Some(v as f32))
+    })?;
+    let converged = Orders::Converged { tolerance: tolerance.unwrap_or(Orders::TOLERANCE) };
+    table.or("orders", converged, |f| match f.text() {
+        Ok("converged") => Ok(converged),
+        Ok(_) => Err(f.wrong(&format!("it must be \"converged\" or a whole number from 1 to {}", Orders::MAX))),
+        Err(_) if tolerance.is_some() => {
+            Err(f.error(format!("{of}: a number of orders needs no tolerance; give one of them")))
+        }
+        Err(_) => f.whole(1..=Orders::MAX).map(Orders::Count),
     })
 }
 

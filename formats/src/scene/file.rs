@@ -7,6 +7,7 @@ use std::sync::Arc;
 use airlight_core::light::Environment;
 use airlight_core::media::Medium;
 use airlight_core::scene::{Background, Mesh, SceneError};
+use airlight_core::transfer::Transfer;
 
 use super::animation::{self, Animation};
 use super::error::Fault;
@@ -39,12 +40,28 @@ pub struct SceneFile {
 }
 
 /// What the last frame read.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Kept {
+    /// Whether the file of a transfer is read.
+    pub(super) reads_transfer: bool,
     pub(super) medium: Slot<Arc<dyn Medium>>,
     pub(super) environment: Slot<Environment>,
     pub(super) background: Slot<Background>,
     pub(super) surfaces: Slot<(Arc<Mesh>, Vec<LoadedSurface>)>,
+    pub(super) transfer: Slot<Arc<Transfer>>,
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Self {
+            reads_transfer: true,
+            medium: Slot::default(),
+            environment: Slot::default(),
+            background: Slot::default(),
+            surfaces: Slot::default(),
+            transfer: Slot::default(),
+        }
+    }
 }
 
 /// A part of the scene that was read, and the keys that it was read by.
@@ -125,6 +142,13 @@ impl SceneFile {
             animation,
             kept: Kept::default(),
         })
+    }
+
+    /// The same for making the transfer that the scene names: its file is not read, and may be missing.
+    #[must_use]
+    pub fn without_transfer(mut self) -> Self {
+        self.kept.reads_transfer = false;
+        self
     }
 
     /// What `[animation]` says.

@@ -15,9 +15,9 @@ mod grids;
 mod light;
 mod medium;
 mod overrides;
-mod pending;
 mod surface;
 mod table;
+mod transfer;
 mod tree;
 
 use std::fs::File;
@@ -26,7 +26,9 @@ use std::path::{Path, PathBuf};
 
 use airlight_core::light::Light;
 use airlight_core::media::OpticsError;
-use airlight_core::scene::{Camera, CameraError, Estimate, EstimateError, Material, Quality, Scene, SceneError};
+use airlight_core::scene::{
+    AllEstimate, Camera, CameraError, Estimate, EstimateError, Material, Quality, Scene, SceneError, TransferSource,
+};
 use glam::DVec3;
 
 pub use self::animation::{Animation, Curve, Track};
@@ -56,6 +58,8 @@ pub struct LoadedScene {
     pub files: Vec<PathBuf>,
     /// The `[[surface]]`s whose triangles are [`Scene::surfaces`], in the scene's order.
     pub surfaces: Vec<LoadedSurface>,
+    /// Where `estimate.all.file` is.
+    pub transfer_file: Option<PathBuf>,
 }
 
 /// A `[[surface]]` of a scene.
@@ -116,6 +120,7 @@ struct Parts<'a> {
     environment: Option<light::Plan<'a>>,
     lights: Vec<Light>,
     estimate: Estimate,
+    transfer: Option<transfer::Plan<'a>>,
     quality: Quality,
     background: Option<background::Plan<'a>>,
     surfaces: Vec<surface::Plan<'a>>,
@@ -123,12 +128,14 @@ struct Parts<'a> {
 
 impl<'a> Parts<'a> {
     fn parse(sections: &Table<'a>) -> Result<Self, Fault> {
+        let (estimate, transfer) = estimate::estimate(sections)?;
         Ok(Self {
             camera: camera::parse(sections)?,
             medium: medium::parse(sections)?,
             environment: light::environment(sections)?,
             lights: light::lights(sections)?,
-            estimate: estimate::estimate(sections)?,
+            estimate,
+            transfer,
             quality: estimate::quality(sections)?,
             background: background::parse(sections)?,
             surfaces: surface::parse(sections)?,
@@ -138,7 +145,7 @@ impl<'a> Parts<'a> {
 
 /// The scene of a frame. Everything that is cheap to check comes before the first file is read.
 fn build(root: &Node, frame: u32, folder: &Path, read: ReadVolume<'_>, kept: &mut Kept) -> Result<LoadedScene, Fault> {
-    let Parts { camera, medium, environment, lights, estimate, quality, background, surfaces } =
+    let Parts { camera, medium, environment, lights, mut estimate, transfer, quality, background, surfaces } =
         Parts::parse(&Table::root(root, SECTIONS)?)?;
     let (mut warnings, mut files) = (Vec::new(), Vec::new());
     if environment.is_none() && lights.is_empty() && !medium.optics.emits() {
@@ -147,6 +154,14 @@ fn build(root: &Node, frame: u32, folder: &Path, read: ReadVolume<'_>, kept: &mu
     let background =
         background.map(|b| b.load(folder, &camera, &mut kept.background, &mut files, &mut warnings)).transpose()?;
     let (mesh, surfaces) = surface::load(&surfaces, folder, &mut kept.surfaces, &mut files, &mut warnings)?;
+    let transfer_file = transfer.as_ref().map(|transfer| transfer.path(folder)).transpose()?;
+    if let (Some(transfer), Some(AllEstimate::Transfer(estimate))) = (&transfer, &mut estimate.all)
+        && kept.reads_transfer
+    {
+        let (phase, slot) = (&medium.optics.phase, &mut kept.transfer);
+        let made = transfer.load(folder, phase, slot, &mut files, &mut warnings)?;
+        estimate.source = TransferSource::Made(made);
+    }
     let scene = Scene {
         camera,
         optics: medium.optics.clone(),
@@ -162,17 +177,18 @@ fn build(root: &Node, frame: u32, folder: &Path, read: ReadVolume<'_>, kept: &mu
         quality,
     };
     scene.validate().map_err(|e| refused(root, &e))?;
-    Ok(LoadedScene { scene, warnings, files, surfaces })
+    Ok(LoadedScene { scene, warnings, files, surfaces, transfer_file })
 }
 
 /// What a scene's own check refuses, at the key that is responsible.
 fn refused(root: &Node, error: &SceneError) -> Fault {
-    let key = responsible(error);
+    let of = if root.at(&["estimate", "all"]).is_some() { "estimate.all" } else { "estimate.environment" };
+    let key = responsible(error, of);
     Fault::new(root.locate(&key), format!("{key}: {error}"))
 }
 
-/// The key whose value a scene's own check refuses.
-fn responsible(error: &SceneError) -> String {
+/// The key whose value a scene's own check refuses, where `of` is that of the estimator in question.
+fn responsible(error: &SceneError, of: &str) -> String {
     let key = match error {
         SceneError::Camera(e) => match e {
             CameraError::Direction(..) => "camera.target",
@@ -190,7 +206,8 @@ fn responsible(error: &SceneError) -> String {
         },
         SceneError::Environment(_) => "environment",
         SceneError::Background { .. } => "background",
-        SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("estimate.environment.{key}"),
+        SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("{of}.{key}"),
+        SceneError::Estimate(EstimateError::Conflict(_)) if of == "estimate.all" => of,
         SceneError::Estimate(EstimateError::Conflict(_)) => "estimate.environment.content",
         SceneError::Estimate(EstimateError::Sun(_)) => "estimate.environment.extract_sun",
         SceneError::Eye(_) => "camera.origin",

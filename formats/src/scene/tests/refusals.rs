@@ -160,8 +160,37 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:32: estimate.all.noise = 2; it must be above 0 and at most 1",
         ),
         (
-            "[estimate]\nall = \"transfer\"",
-            "8:7: estimate.all = \"transfer\" is not built yet; leave estimate.all out; environment and lights have estimators",
+            "[estimate]\nall = { kind = \"transfer\", functions = 640 }",
+            "8:40: estimate.all.functions = 640; directions are those of a subdivided icosahedron: one of [12, 42, 162, 642, 2562]",
+        ),
+        (
+            "[estimate]\nall = { kind = \"transfer\", basis = \"sh\", functions = 30 }",
+            "8:54: estimate.all.functions = 30; spherical harmonics come in squares of bands; 25 or 36 would do",
+        ),
+        (
+            "[estimate]\nall = { kind = \"transfer\", directions = 48 }",
+            "8:41: estimate.all.directions is an option of solver = \"ordinates\"",
+        ),
+        (
+            "[estimate]\nall = { kind = \"transfer\", solver = \"ordinates\", photons = 4 }",
+            "8:60: estimate.all.photons is an option of solver = \"photons\"",
+        ),
+        (
+            "[estimate]\nall = { kind = \"transfer\", clusters = \"none\", components = 4 }",
+            "8:60: estimate.all.components are those of clusters, and clusters = \"none\"; give one of them",
+        ),
+        (
+            "[estimate]\nall = { kind = \"transfer\", prefilter = { kind = \"gaussian\", width = 0 } }",
+            "8:69: estimate.all.prefilter.width = 0; it must be from 0.1 to 10 times the least angle between directions",
+        ),
+        (
+            "[estimate]\nall = { kind = \"transfer\", solver = \"ordinates\", directions = 50 }",
+            "8:63: estimate.all.directions: directions = 50; HEALPix takes 12·n² directions with n from 1 to 64; the next is 108",
+        ),
+        (
+            "[[light]]\nkind = \"point\"\nposition = [2, 2, 2]\nintensity = 1\n[estimate]\nall = \"transfer\"",
+            "12:7: estimate.all: `transfer` carries light from far away, and a point or spot light is near; take `records`, \
+             `opacity` and `sweeps`",
         ),
         (
             "[estimate]\nenvironment = { solver = \"guess\" }",
