@@ -183,6 +183,8 @@ impl Device for CpuDevice {
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
             Stage::Obstruct(stage) => kernels::obstruct::run(stage, part, &mut memory, isa),
             Stage::Path(stage) => kernels::path::run(stage, part, &mut memory),
+            Stage::Evaluate(stage) => kernels::evaluate::run(stage, part, &mut memory, isa),
+            Stage::Reconstruct(stage) => kernels::reconstruct::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

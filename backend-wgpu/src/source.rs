@@ -105,6 +105,8 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Sweep(_) => (file!("sweep.wgsl"), 64),
         Stage::Obstruct(_) => (file!("obstruct.wgsl"), 64),
         Stage::Path(_) => (file!("path.wgsl"), 64),
+        Stage::Evaluate(_) => (file!("evaluate.wgsl"), 64),
+        Stage::Reconstruct(_) => (file!("reconstruct.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

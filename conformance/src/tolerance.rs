@@ -49,6 +49,11 @@ tolerances! {
          a whole number of steps to the last digit may take one step more in f32, which moves its samples and costs \
          one pixel the error of the quadrature itself, a few thousandths on the coarse grids here." }
 
+    /// Light that goes through matrices, and is put together from them.
+    MATRICES { 1e-5, 1e-5,
+        "Sums of up to 2562 products of either sign in f32, one after another: n roundings of 2⁻²⁵ at random are √n · 3·10⁻⁸ of \
+         the sum of squares, 2·10⁻⁶. Directions to an eye some ten cells away are good to 10⁻⁷, which ten bands make 10⁻⁶." }
+
     /// Paths that take the same decisions as their twins.
     PATHS { 2e-4, 1e-2,
         "Places are good to 2⁻²³ of some ten voxels and of some metres. A scattering turns what is off in a direction into a \

@@ -2,6 +2,7 @@
 
 mod accumulate;
 mod coarsen;
+mod evaluate;
 mod illuminate;
 mod inject;
 mod march;
@@ -10,6 +11,7 @@ mod obstruct;
 mod path;
 mod project;
 mod propagate;
+pub(crate) mod reconstruct;
 mod reduce;
 mod relight;
 mod shade;
@@ -41,6 +43,8 @@ pub(crate) fn cases() -> Vec<Case> {
         sweep::cases(),
         obstruct::cases(),
         path::cases(),
+        evaluate::cases(),
+        reconstruct::cases(),
     ];
     all.into_iter().flatten().collect()
 }

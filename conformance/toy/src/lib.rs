@@ -9,8 +9,9 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, AccumulateInputs, CoarsenInputs, IlluminateInputs, InjectInputs, MarchInputs, PathInputs, ProjectInputs,
-    PropagateInputs, ReduceInputs, RelightInputs, ShadeInputs, ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
+    self, AccumulateInputs, CoarsenInputs, EvaluateInputs, IlluminateInputs, InjectInputs, MarchInputs, PathInputs,
+    ProjectInputs, PropagateInputs, ReconstructInputs, ReduceInputs, RelightInputs, ShadeInputs, ShadowInputs,
+    SweepInputs, TraceInputs, UpsampleInputs,
 };
 use airlight_core::stage::{Inject, March, Stage};
 use bytemuck::Pod;
@@ -330,6 +331,24 @@ impl Toy {
                 let words = reference::obstruct(&s.params, &self.records(s.mesh));
                 vec![("obstructed", words.into_iter().map(|word| f32::from_bits(word).into()).collect())]
             }
+            Stage::Evaluate(s) => {
+                let inputs = EvaluateInputs {
+                    matrices: self.buffer(s.matrices),
+                    light: self.buffer(s.light),
+                    views: s.views.map_or(&[], |b| self.buffer(b)),
+                };
+                vec![("evaluated", reference::evaluate(&s.params, &inputs))]
+            }
+            Stage::Reconstruct(s) => {
+                let inputs = ReconstructInputs {
+                    rows: self.buffer(s.rows),
+                    clusters: self.buffer(s.clusters),
+                    weights: s.weights.map_or(&[], |b| self.buffer(b)),
+                    radiance: self.buffer(s.radiance),
+                    tables: self.buffer(s.tables),
+                };
+                vec![("in_scatter", reference::reconstruct(&s.params, &inputs))]
+            }
         }
     }
 
@@ -381,7 +400,9 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
         | Stage::Trace(_)
         | Stage::Shade(_)
         | Stage::Shadow(_)
-        | Stage::Path(_) => {
+        | Stage::Path(_)
+        | Stage::Evaluate(_)
+        | Stage::Reconstruct(_) => {
             let part = output.part.unwrap_or(u64::MAX) / 4 / u64::from(stage.group());
             (word as u64 / part) as u32
         }

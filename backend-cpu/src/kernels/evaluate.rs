@@ -1,0 +1,92 @@
+//! `evaluate`: what clusters of transfer matrices make of light.
+
+use std::ops::Range;
+
+use airlight_core::device::DeviceError;
+use airlight_core::stage::{Evaluate, EvaluateParams};
+use rayon::prelude::*;
+
+use crate::Isa;
+use crate::device::Memory;
+use crate::isa::compiled_for;
+use crate::packet::{F, LANES, lanes, triple};
+
+/// Rows of matrices that one task takes.
+const CHUNK: usize = 64;
+
+struct Inputs<'a> {
+    p: &'a EvaluateParams,
+    matrices: &'a [f32],
+    /// Sixteen functions at a time, in RGB; zero past the last.
+    light: &'a [[F; 3]],
+    views: &'a [f32],
+}
+
+pub(crate) fn run(stage: &Evaluate, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
+    memory.take(stage.out)?;
+    let (mut out, read) = memory.split();
+    let p = &stage.params;
+    let (planes, functions) = (read.buf(stage.light)?, p.functions as usize);
+    let value = |c: usize, k: usize| if k < functions { planes[c * functions + k] } else { 0.0 };
+    let packet = |n: usize| [0, 1, 2].map(|c| F(lanes!(i => value(c, n * LANES + i))));
+    let light: Vec<[F; 3]> = (0..functions.div_ceil(LANES)).map(packet).collect();
+    let (matrices, views) = (read.buf(stage.matrices)?, read.opt(stage.views)?);
+    let inputs = &Inputs { p, matrices, light: &light, views };
+    let (start, end) = (range.start as usize, range.end as usize);
+    let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
+    let rows = if p.folded == 1 { p.coefficients as usize } else { 1 };
+    let chunk = (CHUNK / rows).max(1);
+    out[start..end].par_chunks_mut(chunk).enumerate().for_each(|(n, out)| {
+        let first = start + n * chunk;
+        compiled_for!(isa, evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]));
+    });
+    Ok(())
+}
+
+/// Moments from `first` on, or units where folded.
+#[inline(always)]
+fn evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
+    let p = inputs.p;
+    for (i, place) in out.iter_mut().enumerate() {
+        let index = first + i;
+        let mut sum = [0.0; 3];
+        if p.folded == 0 {
+            sum = moment(inputs, index);
+        } else {
+            if p.coefficient_begin > 0 {
+                // What the passes before left.
+                sum = triple!(c => place[c]);
+            }
+            let (moments, cluster) = (p.coefficients as usize, index / p.per_cluster as usize);
+            for j in p.coefficient_begin as usize..p.coefficient_end as usize {
+                let (view, moment) = (inputs.views[cluster * moments + j], moment(inputs, index * moments + j));
+                sum = triple!(c => sum[c] + view * moment[c]);
+            }
+        }
+        *place = [sum[0], sum[1], sum[2], 0.0];
+    }
+}
+
+/// What a row of the matrices makes of light, sixteen functions at a time.
+#[inline(always)]
+fn moment(inputs: &Inputs<'_>, row: usize) -> [f32; 3] {
+    let functions = inputs.p.functions as usize;
+    let (packets, rest) = inputs.matrices[row * functions..][..functions].as_chunks::<LANES>();
+    let (light, last) = inputs.light.split_at(packets.len());
+    let mut sums = [F::ZERO; 3];
+    for (m, s) in packets.iter().zip(light) {
+        sums = triple!(c => sums[c] + F(*m) * s[c]);
+    }
+    if let Some(s) = last.first() {
+        let mut m = F::ZERO;
+        m.0[..rest.len()].copy_from_slice(rest);
+        sums = triple!(c => sums[c] + m * s[c]);
+    }
+    triple!(c => {
+        let mut total = 0.0;
+        for v in sums[c].0 {
+            total += v;
+        }
+        total
+    })
+}

@@ -1,0 +1,73 @@
+// `reconstruct`: in-scattered radiance from what clusters of transfer matrices make of light. One invocation a cell.
+
+@compute @workgroup_size(64)
+fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = number(id) * 64u + lane;
+    if n >= launch.count {
+        return;
+    }
+    let cell = launch.start + n;
+    let place = cell - launch.first;
+    let row = min(rows[place], params.rows);
+    let moments = params.bands * params.bands;
+    if params.view == 0u {
+        for (var j = 0u; j < moments; j++) {
+            var light = vec3<f32>(0.0);
+            if row > 0u {
+                light = tables[j] * arriving(row - 1u, j);
+            }
+            in_scatter[place * moments + j] = vec4<f32>(light, 0.0);
+        }
+        return;
+    }
+    var sum = vec3<f32>(0.0);
+    if row > 0u {
+        var basis: array<f32, HARMONICS_MAX>;
+        harmonics(view_direction(cell), params.bands, &basis);
+        for (var j = 0u; j < moments; j++) {
+            sum += tables[j] * basis[j] * arriving(row - 1u, j);
+        }
+    }
+    in_scatter[place] = vec4<f32>(sum, 0.0);
+}
+
+// Moment `j` of a row; a channel serves all of RGB, or each its own component.
+fn arriving(row: u32, j: u32) -> vec3<f32> {
+    let first = restored(0u, row, j);
+    if params.channels == 1u {
+        return first;
+    }
+    return vec3<f32>(first.x, restored(1u, row, j).y, restored(2u, row, j).z);
+}
+
+// Moment `j` of a row in a channel: its cluster's mean, and what it weighs the components.
+fn restored(channel: u32, row: u32, j: u32) -> vec3<f32> {
+    let moments = params.bands * params.bands;
+    let place = channel * params.rows + row;
+    let cluster = min(clusters[place], params.clusters - 1u);
+    var at = (channel * params.clusters + cluster) * (1u + params.components) * moments + j;
+    var sum = radiance[at].xyz;
+    for (var i = 0u; i < params.components; i++) {
+        at += moments;
+        sum += weights[place * params.components + i] * radiance[at].xyz;
+    }
+    return sum;
+}
+
+// Unit direction in the world from the eye to a cell's center; +Z where the cell is at the eye.
+fn view_direction(cell: u32) -> vec3<f32> {
+    let cells = params.cells.xyz;
+    let place = vec3<f32>(vec3<u32>(cell % cells.x, cell / cells.x % cells.y, cell / cells.x / cells.y));
+    let v = (place + 0.5) * params.cell.xyz - 0.5 - params.eye.xyz;
+    let w = vec3<f32>(dot(params.world_x.xyz, v), dot(params.world_y.xyz, v), dot(params.world_z.xyz, v));
+    let distance = length(w);
+    if distance > 0.0 {
+        return w / distance;
+    }
+    return vec3<f32>(0.0, 0.0, 1.0);
+}
+
+// Constant `i` of the spherical harmonics.
+fn harmonics_value(i: u32) -> f32 {
+    return tables[params.bands * params.bands + i];
+}
