@@ -92,6 +92,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Sweep(_) => (file!("sweep.cl"), 1),
         Stage::Obstruct(_) => (file!("obstruct.cl"), 1),
         Stage::Path(_) => (file!("path.cl"), 1),
+        Stage::Photons(_) => (file!("photons.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

@@ -3,8 +3,8 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reduce, Relight, Shade, Shadow,
-    Stage, Sweep, Trace, Upsample,
+    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Path, Photons, Project, Propagate, Reduce, Relight,
+    Shade, Shadow, Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
@@ -154,6 +154,18 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             sums: buf(10),
             paths: buf(11),
             film: buf(12),
+        }),
+        Stage::Photons(Photons {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            majorant: buf(2),
+            tables: buf(3),
+            directions: buf(4),
+            weights: buf(5),
+            rows: buf(6),
+            deposits: buf(7),
+            counters: buf(8),
         }),
     ]
 }

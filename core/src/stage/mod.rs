@@ -129,6 +129,8 @@ pub enum Stage {
     Obstruct(Obstruct),
     /// Unbiased paths of light through everything.
     Path(Path),
+    /// Light that the medium scatters, on the cells of a coarse grid, for many lights at once.
+    Photons(Photons),
 }
 
 macro_rules! each {
@@ -150,6 +152,7 @@ macro_rules! each {
             Stage::Sweep($stage) => $value,
             Stage::Obstruct($stage) => $value,
             Stage::Path($stage) => $value,
+            Stage::Photons($stage) => $value,
         }
     };
 }
@@ -160,7 +163,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 16] = [
+    pub const NAMES: [&'static str; 17] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -177,6 +180,7 @@ impl Stage {
         Sweep::NAME,
         Obstruct::NAME,
         Path::NAME,
+        Photons::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -234,6 +238,7 @@ impl Stage {
             Self::Sweep(stage) => stage.passes(turns)?.into_iter().map(Self::Sweep).collect(),
             Self::Obstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Obstruct).collect(),
             Self::Path(stage) => stage.passes(turns)?.into_iter().map(Self::Path).collect(),
+            Self::Photons(stage) => stage.passes(turns)?.into_iter().map(Self::Photons).collect(),
         })
     }
 
