@@ -185,6 +185,7 @@ impl Device for CpuDevice {
             Stage::Path(stage) => kernels::path::run(stage, part, &mut memory),
             Stage::Evaluate(stage) => kernels::evaluate::run(stage, part, &mut memory, isa),
             Stage::Reconstruct(stage) => kernels::reconstruct::run(stage, part, &mut memory, isa),
+            Stage::Photons(stage) => kernels::photons::run(stage, part, &mut memory),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

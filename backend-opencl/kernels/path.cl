@@ -21,6 +21,8 @@ typedef struct {
     uint triangle;
 } Way;
 
+float3 placed(const Bound *bound, float3 x);
+Walk kept(const Bound *bound, const PathRecord *record);
 Way resume(const PathRecord *record);
 PathRecord keep(const Way *way, const Walk *on, const Draws *numbers);
 Way begin(const Bound *bound, uint pixel, Draws *numbers);
@@ -95,7 +97,8 @@ void run_path(const Bound *bound) {
             sets_out = turn(bound, pixel, &way, &on, &numbers) && scatter(bound, &way, &numbers);
         }
         if (sets_out) {
-            on = walk(bound, way.place, way.direction, limit(bound, &way, pixel));
+            float3 origin = placed(bound, way.place);
+            on = walk(bound, origin, carried(bound, way.direction), limit(bound, &way, pixel));
         }
         if (way.mode == PATH_IDLE) {
             float mean = (way.light.x + way.light.y + way.light.z) * (1.0f / 3.0f);
@@ -114,6 +117,23 @@ void run_path(const Bound *bound) {
     float depth = stop.x > 0.0f ? stop.y / stop.x : INFINITY;
     bound->film[2u * (size_t)pixel] = (float4)(light.xyz * share, light.w > 0.0f ? stops : 0.0f);
     bound->film[2u * (size_t)pixel + 1u] = (float4)(transmitted, depth);
+}
+
+// A place of the world, from the eye, in index space.
+float3 placed(const Bound *bound, float3 x) {
+    return bound->params->eye.xyz + to_index(bound, x);
+}
+
+// The walk that a record keeps.
+Walk kept(const Bound *bound, const PathRecord *record) {
+    Walk on;
+    on.origin = placed(bound, record->place.xyz);
+    on.direction = carried(bound, record->way.xyz);
+    on.t = record->place.w;
+    on.far = record->way.w;
+    on.cell = as_int3(record->cell.xyz);
+    on.over = record->cell.w == 1u;
+    return on;
 }
 
 // The path that a record keeps.

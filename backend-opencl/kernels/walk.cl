@@ -16,20 +16,19 @@ typedef struct {
 
 // A direction of the world in voxels per metre, far enough from parallel to the walls to divide by.
 float3 carried(const Bound *bound, float3 d) {
-    float3 c = to_index(bound, d);
+    float3 c = (float3)(
+        dot(d, bound->params->index_x.xyz),
+        dot(d, bound->params->index_y.xyz),
+        dot(d, bound->params->index_z.xyz)
+    );
     return fabs(c) < (float3)(1e-20f) ? (float3)(1e-20f) : c;
 }
 
-// A place of the world, from the eye, in index space.
-float3 placed(const Bound *bound, float3 x) {
-    return bound->params->eye.xyz + to_index(bound, x);
-}
-
-// The walk from `x` along `d` within the box, to `limit` metres at the most.
-Walk walk(const Bound *bound, float3 x, float3 d, float limit) {
+// The walk from a place along a direction of index space within the box, to `limit` metres at the most.
+Walk walk(const Bound *bound, float3 origin, float3 direction, float limit) {
     Walk on;
-    on.origin = placed(bound, x);
-    on.direction = carried(bound, d);
+    on.origin = origin;
+    on.direction = direction;
     float3 lower = (-0.5f - on.origin) / on.direction;
     float3 upper = (convert_float3(bound->params->dims.xyz) - 0.5f - on.origin) / on.direction;
     float3 first = min(lower, upper);
@@ -41,18 +40,6 @@ Walk walk(const Bound *bound, float3 x, float3 d, float limit) {
     float3 most = convert_float3(bound->params->majorant_cells.xyz - 1u);
     on.cell = convert_int3(at > (float3)(0.0f) ? min(at, most) : (float3)(0.0f));
     on.over = on.t >= on.far;
-    return on;
-}
-
-// The walk that a record holds.
-Walk kept(const Bound *bound, const PathRecord *record) {
-    Walk on;
-    on.origin = placed(bound, record->place.xyz);
-    on.direction = carried(bound, record->way.xyz);
-    on.t = record->place.w;
-    on.far = record->way.w;
-    on.cell = as_int3(record->cell.xyz);
-    on.over = record->cell.w == 1u;
     return on;
 }
 

@@ -94,6 +94,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Path(_) => (file!("path.cl"), 1),
         Stage::Evaluate(_) => (file!("evaluate.cl"), 1),
         Stage::Reconstruct(_) => (file!("reconstruct.cl"), 1),
+        Stage::Photons(_) => (file!("photons.cl"), 1),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

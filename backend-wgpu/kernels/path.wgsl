@@ -73,7 +73,7 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
             }
         }
         if sets_out {
-            on = walk(way.place, way.direction, limit(way, here));
+            on = walk(placed(way.place), carried(way.direction), limit(way, here));
         }
         if way.mode == PATH_IDLE {
             let l = way.light;
@@ -96,6 +96,19 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
     }
     film[2u * here] = vec4<f32>(light.xyz * share, select(0.0, stops, light.w > 0.0));
     film[2u * here + 1u] = vec4<f32>(transmitted, depth);
+}
+
+// A place of the world, from the eye, in index space.
+fn placed(x: vec3<f32>) -> vec3<f32> {
+    return params.eye.xyz + to_index(x);
+}
+
+// The walk that a record keeps.
+fn kept(record: PathRecord) -> Walk {
+    let origin = placed(record.place.xyz);
+    let direction = carried(record.way.xyz);
+    let cell = vec3<i32>(record.cell.xyz);
+    return Walk(origin, direction, record.place.w, record.way.w, cell, record.cell.w == 1u);
 }
 
 // The path that a record keeps.

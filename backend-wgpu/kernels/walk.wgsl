@@ -16,19 +16,12 @@ struct Walk {
 
 // A direction of the world in voxels per metre, far enough from parallel to the walls to divide by.
 fn carried(d: vec3<f32>) -> vec3<f32> {
-    let c = to_index(d);
+    let c = vec3<f32>(dot(d, params.index_x.xyz), dot(d, params.index_y.xyz), dot(d, params.index_z.xyz));
     return select(c, vec3<f32>(1e-20), abs(c) < vec3<f32>(1e-20));
 }
 
-// A place of the world, from the eye, in index space.
-fn placed(x: vec3<f32>) -> vec3<f32> {
-    return params.eye.xyz + to_index(x);
-}
-
-// The walk from `x` along `d` within the box, to `limit` metres at the most.
-fn walk(x: vec3<f32>, d: vec3<f32>, limit: f32) -> Walk {
-    let origin = placed(x);
-    let direction = carried(d);
+// The walk from a place along a direction of index space within the box, to `limit` metres at the most.
+fn walk(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> Walk {
     let lower = (vec3<f32>(-0.5) - origin) / direction;
     let upper = (vec3<f32>(params.dims.xyz) - 0.5 - origin) / direction;
     let first = min(lower, upper);
@@ -39,14 +32,6 @@ fn walk(x: vec3<f32>, d: vec3<f32>, limit: f32) -> Walk {
     let at = floor((origin + near * direction + 0.5) / side);
     let cell = vec3<i32>(clamp(at, vec3<f32>(0.0), vec3<f32>(params.majorant_cells.xyz - 1u)));
     return Walk(origin, direction, near, far, cell, near >= far);
-}
-
-// The walk that a record holds.
-fn kept(record: PathRecord) -> Walk {
-    let origin = placed(record.place.xyz);
-    let direction = carried(record.way.xyz);
-    let cell = vec3<i32>(record.cell.xyz);
-    return Walk(origin, direction, record.place.w, record.way.w, cell, record.cell.w == 1u);
 }
 
 // Where it stands, in index space.

@@ -107,6 +107,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Path(_) => (file!("path.wgsl"), 64),
         Stage::Evaluate(_) => (file!("evaluate.wgsl"), 64),
         Stage::Reconstruct(_) => (file!("reconstruct.wgsl"), 64),
+        Stage::Photons(_) => (file!("photons.wgsl"), 64),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -19,7 +19,7 @@ use super::phase::Phase;
 use super::random::{Draws, circle, draw, draws};
 use super::sky::{Sky, sky};
 use super::spot::{Spot, dull, scattered, scattered_density, spot};
-use super::walk::{Walk, advance, kept, stands, walk};
+use super::walk::{Ground, Walk, advance, carried, stands, walk};
 use crate::device::Memory;
 use crate::packet::{F, M, triple};
 
@@ -28,12 +28,12 @@ const TASK: usize = 16;
 
 struct Inputs<'a> {
     p: &'a PathParams,
+    ground: Ground<'a>,
     density: Scalars<'a>,
     scattering: Option<Colors<'a>>,
     emission: Option<Scalars<'a>>,
     emission_color: Option<Colors<'a>>,
     environment: Option<Sky<'a>>,
-    majorant: &'a [[f32; 2]],
     lights: &'a [LightRecord],
     tables: &'a [f32],
     bends: &'a [f32],
@@ -84,6 +84,14 @@ pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> R
     let tables = read.buf(stage.tables)?;
     let inputs = Inputs {
         p,
+        ground: Ground {
+            dims: p.dims,
+            index: [p.index_x, p.index_y, p.index_z],
+            cells: p.majorant_cells,
+            majorant: read.buf(stage.majorant)?,
+            densest: p.densest,
+            least: p.least,
+        },
         density: Scalars::new(read.field(stage.density)?, p.dims),
         scattering: colors(stage.scattering)?,
         emission: match stage.emission {
@@ -100,7 +108,6 @@ pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> R
             }),
             None => None,
         },
-        majorant: read.buf(stage.majorant)?,
         lights: &read.opt(stage.lights)?[..p.lights as usize],
         tables,
         bends: tables.get(p.bends_at as usize..).unwrap_or_default(),
@@ -138,7 +145,7 @@ fn path(inputs: &Inputs<'_>, pixel: u32, sums: &mut Sums, record: &mut PathRecor
     }
     let [mut light, mut seen, mut stop] = *sums;
     let mut way = resume(record);
-    let mut on = kept(p, record);
+    let mut on = kept(inputs, record);
     let mut numbers = draws(pixel, light[3] as u32, p.frame, record.count[1]);
     for _ in 0..p.turns {
         let mut sets_out = true;
@@ -156,7 +163,8 @@ fn path(inputs: &Inputs<'_>, pixel: u32, sums: &mut Sums, record: &mut PathRecor
             sets_out = turn(inputs, pixel, &mut way, &mut on, &mut numbers) && scatter(inputs, &mut way, &mut numbers);
         }
         if sets_out {
-            on = walk(p, way.place, way.direction, limit(inputs, &way, pixel));
+            let (origin, direction) = (placed(inputs, way.place), carried(&inputs.ground, way.direction));
+            on = walk(&inputs.ground, origin, direction, limit(inputs, &way, pixel));
         }
         if way.mode == path_mode::IDLE {
             let l = way.light;
@@ -177,6 +185,24 @@ fn path(inputs: &Inputs<'_>, pixel: u32, sums: &mut Sums, record: &mut PathRecor
         [light[0] * share, light[1] * share, light[2] * share, if light[3] > 0.0 { stops } else { 0.0 }],
         [through[0], through[1], through[2], depth],
     ];
+}
+
+/// A place of the world, from the eye, in index space.
+#[inline]
+fn placed(inputs: &Inputs<'_>, x: Vec3) -> Vec3 {
+    let eye = inputs.p.eye;
+    let row = |a: usize, r: [f32; 4]| eye[a] + (x.x * r[0] + x.y * r[1] + x.z * r[2]);
+    let rows = inputs.ground.index;
+    Vec3::new(row(0, rows[0]), row(1, rows[1]), row(2, rows[2]))
+}
+
+/// The walk that a record keeps.
+fn kept(inputs: &Inputs<'_>, of: &PathRecord) -> Walk {
+    let ([x, y, z, t], [dx, dy, dz, far]) = (of.place, of.way);
+    let [i, j, k, over] = of.cell;
+    let cell = [i as i32, j as i32, k as i32];
+    let direction = carried(&inputs.ground, Vec3::new(dx, dy, dz));
+    Walk { origin: placed(inputs, Vec3::new(x, y, z)), direction, t, far, cell, over: over == 1 }
 }
 
 /// The path that a record keeps.
@@ -285,7 +311,7 @@ fn turn(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, on: &mut Walk, numbers: 
     if on.over {
         return arrive(inputs, pixel, way, numbers);
     }
-    let rate = advance(inputs.p, inputs.majorant, on, numbers);
+    let rate = advance(&inputs.ground, on, numbers);
     if rate == 0.0 {
         return false;
     }

@@ -1,16 +1,31 @@
 //! Walks along rays from one tentative collision to the next, through cells of constant rate.
 
 use airlight_core::glam::Vec3;
-use airlight_core::stage::{PathParams, PathRecord};
 
 use super::random::{Draws, draw, optical_depth};
+
+/// What is walked through.
+#[derive(Clone, Copy)]
+pub(crate) struct Ground<'a> {
+    /// Voxels along x, y, z.
+    pub(crate) dims: [u32; 4],
+    /// Rows of the linear map from metres to voxels.
+    pub(crate) index: [[f32; 4]; 3],
+    /// Cells of the majorant along x, y, z; voxels of a cell's side.
+    pub(crate) cells: [u32; 4],
+    pub(crate) majorant: &'a [[f32; 2]],
+    /// The largest extinction per unit of density.
+    pub(crate) densest: f32,
+    /// The least majorant where anything is.
+    pub(crate) least: f32,
+}
 
 /// A walk in index space.
 #[derive(Clone, Copy)]
 pub(crate) struct Walk {
-    origin: Vec3,
+    pub(crate) origin: Vec3,
     /// Voxels per metre.
-    direction: Vec3,
+    pub(crate) direction: Vec3,
     /// Metres along.
     pub(crate) t: f32,
     /// Where it ends.
@@ -22,42 +37,23 @@ pub(crate) struct Walk {
 
 /// A direction of the world in voxels per metre, far enough from parallel to the walls to divide by.
 #[inline]
-fn carried(p: &PathParams, d: Vec3) -> Vec3 {
-    let row = |r: [f32; 4]| d.x * r[0] + d.y * r[1] + d.z * r[2];
-    let carried = [row(p.index_x), row(p.index_y), row(p.index_z)];
+pub(crate) fn carried(on: &Ground<'_>, d: Vec3) -> Vec3 {
+    let carried = on.index.map(|r| d.x * r[0] + d.y * r[1] + d.z * r[2]);
     Vec3::from(carried.map(|c| if c.abs() < 1e-20 { 1e-20 } else { c }))
 }
 
-/// A place of the world, from the eye, in index space.
+/// The walk from a place along a direction of index space within the box, to `limit` metres at the most.
 #[inline]
-fn placed(p: &PathParams, x: Vec3) -> Vec3 {
-    let row = |r: [f32; 4]| x.x * r[0] + x.y * r[1] + x.z * r[2];
-    Vec3::new(p.eye[0] + row(p.index_x), p.eye[1] + row(p.index_y), p.eye[2] + row(p.index_z))
-}
-
-/// The walk from `x` along `d` within the box, to `limit` metres at the most.
-#[inline]
-pub(crate) fn walk(p: &PathParams, x: Vec3, d: Vec3, limit: f32) -> Walk {
-    let (origin, direction) = (placed(p, x), carried(p, d));
-    let size = Vec3::new(p.dims[0] as f32, p.dims[1] as f32, p.dims[2] as f32);
+pub(crate) fn walk(on: &Ground<'_>, origin: Vec3, direction: Vec3, limit: f32) -> Walk {
+    let size = Vec3::new(on.dims[0] as f32, on.dims[1] as f32, on.dims[2] as f32);
     let lower = (Vec3::splat(-0.5) - origin) / direction;
     let upper = (size - 0.5 - origin) / direction;
     let near = lower.min(upper).max_element().max(0.0);
     let far = lower.max(upper).min_element().min(limit);
-    let side = p.majorant_cells[3] as f32;
+    let side = on.cells[3] as f32;
     let at = ((origin + near * direction + 0.5) / side).floor();
-    let cell = [0, 1, 2].map(|a| at[a].max(0.0).min((p.majorant_cells[a] - 1) as f32) as i32);
+    let cell = [0, 1, 2].map(|a| at[a].max(0.0).min((on.cells[a] - 1) as f32) as i32);
     Walk { origin, direction, t: near, far, cell, over: near >= far }
-}
-
-/// The walk that a record holds.
-#[inline]
-pub(crate) fn kept(p: &PathParams, of: &PathRecord) -> Walk {
-    let ([x, y, z, t], [dx, dy, dz, far]) = (of.place, of.way);
-    let [i, j, k, over] = of.cell;
-    let cell = [i as i32, j as i32, k as i32];
-    let (origin, direction) = (placed(p, Vec3::new(x, y, z)), carried(p, Vec3::new(dx, dy, dz)));
-    Walk { origin, direction, t, far, cell, over: over == 1 }
 }
 
 /// Where it stands, in index space.
@@ -68,8 +64,8 @@ pub(crate) fn stands(of: &Walk) -> Vec3 {
 
 /// On to the next tentative collision within the cell, whose rate it gives; else to the next cell, and 0.
 #[inline]
-pub(crate) fn advance(p: &PathParams, majorant: &[[f32; 2]], of: &mut Walk, draws: &mut Draws) -> f32 {
-    let side = p.majorant_cells[3] as f32;
+pub(crate) fn advance(on: &Ground<'_>, of: &mut Walk, draws: &mut Draws) -> f32 {
+    let side = on.cells[3] as f32;
     let leave = |a: usize| {
         let ahead = of.cell[a] + i32::from(of.direction[a] > 0.0);
         (ahead as f32 * side - 0.5 - of.origin[a]) / of.direction[a]
@@ -83,11 +79,11 @@ pub(crate) fn advance(p: &PathParams, majorant: &[[f32; 2]], of: &mut Walk, draw
         2
     };
     let exit = leave[axis].min(of.far);
-    let [x, y, _, _] = p.majorant_cells;
+    let [x, y, _, _] = on.cells;
     let number = (of.cell[2] as usize * y as usize + of.cell[1] as usize) * x as usize + of.cell[0] as usize;
-    let most = majorant[number][1];
+    let most = on.majorant[number][1];
     if most > 0.0 {
-        let rate = (most * p.densest).max(p.least);
+        let rate = (most * on.densest).max(on.least);
         if rate > 0.0 {
             let next = of.t + optical_depth(draw(draws)) / rate;
             if next < exit {
@@ -98,6 +94,6 @@ pub(crate) fn advance(p: &PathParams, majorant: &[[f32; 2]], of: &mut Walk, draw
     }
     of.t = of.t.max(exit);
     of.cell[axis] += if of.direction[axis] > 0.0 { 1 } else { -1 };
-    of.over = exit >= of.far || of.cell[axis] < 0 || of.cell[axis] as u32 >= p.majorant_cells[axis];
+    of.over = exit >= of.far || of.cell[axis] < 0 || of.cell[axis] as u32 >= on.cells[axis];
     0.0
 }

@@ -10,10 +10,10 @@ use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
     Accumulate, AccumulateParams, BlobRecord, CoarsenParams, EvaluateParams, FAR, IlluminateParams, Inject,
     InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct,
-    ObstructParams, Path, PathParams, PathRecord, PhaseParams, Project, ProjectParams, PropagateParams,
-    ReconstructParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, SweepDirection,
-    SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, alone, inject_kind, path_mode,
-    propagate::scheme, shadow_kind, surface_shadow,
+    ObstructParams, Path, PathParams, PathRecord, PhaseParams, PhotonDirection, PhotonParams, Photons, Project,
+    ProjectParams, PropagateParams, ReconstructParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams,
+    Stage, SweepDirection, SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, alone, inject_kind,
+    path_mode, photon_counter, photon_deposit, propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -289,6 +289,13 @@ const RECONSTRUCT: Recipe = Recipe {
     helpers: &[Helper::Harmonics],
 };
 
+const PHOTONS: Recipe = Recipe {
+    params: PhotonParams::NAME,
+    structs: &[PhotonParams::text, PhotonDirection::text],
+    per_field: &[Helper::Field],
+    helpers: &[Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Random, Helper::Walk, Helper::Bend],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -311,6 +318,7 @@ impl Recipe {
             Stage::Path(_) => PATH,
             Stage::Evaluate(_) => EVALUATE,
             Stage::Reconstruct(_) => RECONSTRUCT,
+            Stage::Photons(_) => PHOTONS,
         }
     }
 
@@ -353,6 +361,17 @@ impl Recipe {
             ("PATH_FLIGHT", path_mode::FLIGHT),
             ("PATH_LONG", Path::LONG),
             ("CHOICE", Path::CHOICE),
+            ("PHOTON_EVENTS", Photons::EVENTS),
+            ("PHOTON_STRIDE", Photons::STRIDE),
+            ("PHOTON_PHOTONS", photon_counter::PHOTONS),
+            ("PHOTON_DEPOSITS", photon_counter::DEPOSITS),
+            ("PHOTON_TRUNCATED", photon_counter::TRUNCATED),
+            ("PHOTON_LOST", photon_counter::LOST),
+            ("PHOTON_OVERFLOWS", photon_counter::OVERFLOWS),
+            ("PHOTON_COUNTERS", photon_counter::COUNT),
+            ("DEPOSIT_TRACK", photon_deposit::TRACK),
+            ("DEPOSIT_COLLISION", photon_deposit::COLLISION),
+            ("DEPOSIT_ABSORPTION", photon_deposit::ABSORPTION),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);
@@ -373,6 +392,7 @@ impl Recipe {
             ("ACCUMULATE_FIT", Accumulate::FIT),
             ("PATH_FAINT", Path::FAINT),
             ("PATH_WEAK", Path::WEAK),
+            ("PHOTON_WEAK", Photons::WEAK),
         ] {
             out += &language.float(name, value);
         }

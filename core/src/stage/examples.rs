@@ -3,8 +3,8 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Evaluate, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reconstruct, Reduce,
-    Relight, Shade, Shadow, Stage, Sweep, Trace, Upsample,
+    Accumulate, Coarsen, Evaluate, Illuminate, Inject, March, Obstruct, Path, Photons, Project, Propagate, Reconstruct,
+    Reduce, Relight, Shade, Shadow, Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
@@ -170,6 +170,18 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             radiance: buf(3),
             tables: buf(4),
             out: buf(5),
+        }),
+        Stage::Photons(Photons {
+            params: Zeroable::zeroed(),
+            density: scalar(0),
+            scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            majorant: buf(2),
+            tables: buf(3),
+            directions: buf(4),
+            weights: buf(5),
+            rows: buf(6),
+            deposits: buf(7),
+            counters: buf(8),
         }),
     ]
 }

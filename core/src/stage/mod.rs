@@ -137,6 +137,8 @@ pub enum Stage {
     Evaluate(Evaluate),
     /// In-scattered radiance from clusters of transfer matrices.
     Reconstruct(Reconstruct),
+    /// Light that the medium scatters, on the cells of a coarse grid, for many lights at once.
+    Photons(Photons),
 }
 
 macro_rules! each {
@@ -160,6 +162,7 @@ macro_rules! each {
             Stage::Path($stage) => $value,
             Stage::Evaluate($stage) => $value,
             Stage::Reconstruct($stage) => $value,
+            Stage::Photons($stage) => $value,
         }
     };
 }
@@ -170,7 +173,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 18] = [
+    pub const NAMES: [&'static str; 19] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -189,6 +192,7 @@ impl Stage {
         Path::NAME,
         Evaluate::NAME,
         Reconstruct::NAME,
+        Photons::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -248,6 +252,7 @@ impl Stage {
             Self::Path(stage) => stage.passes(turns)?.into_iter().map(Self::Path).collect(),
             Self::Evaluate(stage) => stage.passes(turns)?.into_iter().map(Self::Evaluate).collect(),
             Self::Reconstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Reconstruct).collect(),
+            Self::Photons(stage) => stage.passes(turns)?.into_iter().map(Self::Photons).collect(),
         })
     }
 

@@ -325,7 +325,8 @@ impl Kernel for Photons {
             p.max_depth
         );
         let [x, y, z, _] = p.cells;
-        let cells = [x, y, z].iter().try_fold(1u32, |n, &c| n.checked_mul(c)).filter(|&n| n > 0);
+        let cells =
+            [x, y, z].iter().try_fold(1u32, |n, &c| n.checked_mul(c)).filter(|&n| n > 0 && n <= i32::MAX as u32);
         require!(
             cells.is_some_and(|n| self.rows.len >= n.into()),
             "rows of {} cells, not of {:?}",
