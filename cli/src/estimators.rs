@@ -10,7 +10,7 @@ use airlight::glam::DVec3;
 use airlight::metric::{Difference, block_means, difference};
 use airlight::scene::{
     AllEstimate, Content, Direct, EnvironmentEstimate, Estimate, Film, LightsEstimate, Opacity, Orders, Path, Quality,
-    Records, ScatteringEstimate, Scene, Scheme, Shadow, Solver, Sweeps,
+    Records, ScatteringEstimate, Scene, Scheme, Shadow, Solver, Sweeps, TransferEstimate, TransferSource,
 };
 use airlight_conformance::{Sheet, SheetEntry, rgb, write_sheet};
 use airlight_formats::scene::SceneFile;
@@ -168,6 +168,14 @@ fn lit_alike(mut scene: Scene) -> Scene {
 fn orders(scene: &Scene) -> Option<u32> {
     match &scene.estimate.all {
         Some(AllEstimate::Path(path)) => path.max_depth,
+        Some(AllEstimate::Transfer(TransferEstimate { source: TransferSource::Making(making), .. })) => {
+            match making.orders {
+                Orders::Converged { .. } => None,
+                Orders::Count(n) => Some(n),
+            }
+        }
+        // A file does not say; all, unless its maker was told otherwise.
+        Some(AllEstimate::Transfer(_)) => None,
         None => match &scene.estimate.scattering {
             Some(ScatteringEstimate::Sweeps(Sweeps { orders: Orders::Converged { .. }, .. })) => None,
             Some(ScatteringEstimate::Sweeps(Sweeps { orders: Orders::Count(n), .. })) => Some(*n),
@@ -230,7 +238,11 @@ fn choices(scene: &Scene) -> (Vec<Choice>, Vec<(String, String)>) {
     let each_scattering = scatterings
         .iter()
         .map(|scattering| Estimate { scattering: scattering.clone(), ..of(&environments[0], &lights[0]) });
-    for estimate in each_light.chain(each_environment).chain(each_scattering) {
+    let transfer = match &scene.estimate.all {
+        Some(all @ AllEstimate::Transfer(_)) => Some(Estimate { all: Some(all.clone()), ..Estimate::none() }),
+        _ => None,
+    };
+    for estimate in transfer.into_iter().chain(each_light).chain(each_environment).chain(each_scattering) {
         if !estimates.contains(&estimate) {
             estimates.push(estimate);
         }
@@ -249,6 +261,10 @@ fn choices(scene: &Scene) -> (Vec<Choice>, Vec<(String, String)>) {
 
 impl Choice {
     fn new(estimate: Estimate) -> Self {
+        if let Some(all) = &estimate.all {
+            let [environment, lights, scattering] = [(); 3].map(|()| all.name().to_owned());
+            return Self { environment, lights, scattering, estimate };
+        }
         let environment = match &estimate.environment {
             Some(EnvironmentEstimate::Records(records)) => {
                 format!("records, {:?}, {:?}", records.content, records.solver).to_lowercase()

@@ -241,22 +241,19 @@ impl Flight<'_> {
         let (directions, weights) = (&load.table.directions, &load.table.weights);
         let deposits = plan.kept("photon deposits", params.deposits(), &load.version);
         let counters = plan.kept("photon counters", photon_counter::COUNT.into(), &load.version);
-        let _ = |s: Stage| s;
-        drop(
-            (Photons {
-                params,
-                density: medium.density,
-                scattering: medium.scattering,
-                majorant: majorant.buffer,
-                tables: plan.table("photon tables", tables),
-                directions: plan
-                    .upload("photon directions", directions.len() as u64, &load.version, || directions.clone()),
-                weights: plan.upload("photon weights", weights.len() as u64, &load.version, || weights.clone()),
-                rows,
-                deposits,
-                counters,
-            }),
-        );
+        let photons = Photons {
+            params,
+            density: medium.density,
+            scattering: medium.scattering,
+            majorant: majorant.buffer,
+            tables: plan.table("photon tables", tables),
+            directions: plan.upload("photon directions", directions.len() as u64, &load.version, || directions.clone()),
+            weights: plan.upload("photon weights", weights.len() as u64, &load.version, || weights.clone()),
+            rows,
+            deposits,
+            counters,
+        };
+        plan.stage(Stage::Photons(photons));
         (deposits, counters)
     }
 }
