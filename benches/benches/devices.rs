@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use airlight::Renderer;
-use airlight::device::Device;
+use airlight::device::{Device, DeviceError};
+use airlight::stage::Stage;
 use airlight::stage::propagate::scheme;
 use airlight_benches::{Frame, Rig, STAGES, View, density, gaussians, lattice, scene, trilinear_sum};
 use criterion::measurement::WallTime;
@@ -87,6 +88,27 @@ fn propagations(criterion: &mut Criterion) {
     }
 }
 
+/// Transfer matrices of one moment and of four bands: what light makes of the clusters, and what the cells make of it.
+fn matrices(criterion: &mut Criterion) {
+    let mut bench = |name: String, made: &dyn Fn(&mut Rig) -> Result<(Stage, u64), DeviceError>| {
+        let mut group = group(criterion, &name);
+        for id in devices() {
+            let mut rig = Rig::new(open(&id)).expect("the density fits");
+            let (stage, elements) = made(&mut rig).expect("its resources fit");
+            group.throughput(Throughput::Elements(elements));
+            group.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
+        }
+    };
+    for (name, bands, folded) in [("one-moment", 1, false), ("four-bands", 4, false), ("four-bands-folded", 4, true)] {
+        bench(format!("matrices/evaluate-{name}"), &|rig| rig.evaluate(bands, folded));
+    }
+    for channels in [1, 3] {
+        for (name, bands, view) in [("one-moment", 1, false), ("four-bands", 4, false), ("four-bands-seen", 4, true)] {
+            bench(format!("matrices/reconstruct-{channels}-{name}"), &|rig| rig.reconstruct(bands, channels, view));
+        }
+    }
+}
+
 fn frames(criterion: &mut Criterion) {
     for frame in Frame::ALL {
         let mut group = group(criterion, &format!("frame/{}", frame.name()));
@@ -139,5 +161,5 @@ fn baseline(criterion: &mut Criterion) {
     group.bench_function("safe-rust", |b| b.iter(|| trilinear_sum(&values, &view)));
 }
 
-criterion_group!(benches, baseline, stages, injections, propagations, frames, prepare);
+criterion_group!(benches, baseline, stages, injections, propagations, matrices, frames, prepare);
 criterion_main!(benches);

@@ -1,5 +1,6 @@
 //! Single stages on resources of their own.
 
+mod matrices;
 mod path;
 
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
@@ -29,7 +30,7 @@ pub(crate) const BANDS: u32 = 3;
 pub(crate) const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 16] = [
+pub const STAGES: [&str; 18] = [
     "inject",
     "reduce",
     "project",
@@ -46,6 +47,8 @@ pub const STAGES: [&str; 16] = [
     "sweep",
     "obstruct",
     "path",
+    "evaluate",
+    "reconstruct",
 ];
 
 /// A ray of the view, in index space.
@@ -177,6 +180,8 @@ impl Rig {
             "sweep" => (self.sweep(), "cells"),
             "obstruct" => (self.obstruct(), "cells"),
             "path" => (self.path(view), "paths"),
+            "evaluate" => (self.evaluate(1, false), "products"),
+            "reconstruct" => (self.reconstruct(1, 1, false), "cells"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };

@@ -27,6 +27,7 @@ use libtest_mimic::Failed;
 
 use crate::bench::Bench;
 use crate::fixtures::{DIMS, Map, cloud, grey, room, sky};
+use crate::stages::reconstruct::chain;
 use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -96,7 +97,8 @@ pub(crate) fn cases() -> Vec<Case> {
     ]
 }
 
-/// A small picture that runs every stage but `path`, which brings all light by itself.
+/// A small picture that runs every stage but `path`, which brings all light by itself, and those of transfer matrices,
+/// which have a plan of their own.
 fn scene() -> Scene {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.environment = Some(sky());
@@ -125,6 +127,14 @@ fn running(stage: &str) -> Scene {
         scene.quality.temporal = false;
     }
     scene
+}
+
+/// Runs a stage among others.
+fn run(renderer: &mut Renderer, stage: &str) -> Result<(), RenderError> {
+    match stage {
+        "evaluate" | "reconstruct" => chain(renderer.executor()).map(|_| ()).map_err(RenderError::from),
+        _ => renderer.render(&running(stage)).map(|_| ()),
+    }
 }
 
 /// Another one.
@@ -354,11 +364,8 @@ fn stages() -> Axis<&'static str> {
 }
 
 /// The fault of a picture that a device did not render; an error where it is none of a stage of this device.
-fn fault(
-    record: &Record,
-    result: Result<airlight::exec::Rendered, RenderError>,
-) -> Result<(String, DeviceError), Failed> {
-    match result.map(|_| ()).err() {
+fn fault(record: &Record, result: Result<(), RenderError>) -> Result<(String, DeviceError), Failed> {
+    match result.err() {
         Some(RenderError::Exec(ExecError::Device { device, stage, error })) if device == record.info().name => {
             Ok((stage, error))
         }
@@ -370,7 +377,7 @@ fn failing(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Fail)));
         for _ in 0..2 {
-            let (stage, error) = fault(record, renderer.render(&running(broken)))?;
+            let (stage, error) = fault(record, run(&mut renderer, broken))?;
             check!(stage == broken && matches!(error, DeviceError::Backend(_)), "{stage}: {error:?}");
         }
         Ok(())
@@ -383,7 +390,7 @@ fn slow(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Slow(by))));
         renderer.executor().set_patience(Some(patience));
-        let (stage, error) = fault(record, renderer.render(&running(broken)))?;
+        let (stage, error) = fault(record, run(&mut renderer, broken))?;
         check!(stage == broken && error == DeviceError::Timeout { stage: broken, patience }, "{stage}: {error:?}");
         Ok(())
     })
@@ -396,7 +403,7 @@ fn impatience(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut renderer = subject.renderer()?;
     let patience = Duration::from_nanos(1);
     renderer.executor().set_patience(Some(patience));
-    let (stage, error) = fault(record, renderer.render(&scene))?;
+    let (stage, error) = fault(record, renderer.render(&scene).map(|_| ()))?;
     check!(Stage::NAMES.contains(&&*stage), "no stage is named {stage}");
     check!(matches!(error, DeviceError::Timeout { patience: given, .. } if given == patience), "{stage}: {error:?}");
     renderer.executor().set_patience(None);
@@ -404,7 +411,7 @@ fn impatience(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         match renderer.render(&scene) {
             Ok(rendered) => same(record, "given time again", &rendered.film, &expected),
             lost => {
-                let (stage, error) = fault(record, lost)?;
+                let (stage, error) = fault(record, lost.map(|_| ()))?;
                 check!(matches!(error, DeviceError::Lost(_)), "{stage}: {error:?}");
             }
         }

@@ -48,6 +48,8 @@ fn proof(choice: &str) -> Vec<Trial> {
     const SEQUENCES: &str = "sequence::as_the_processor";
     const PATHS: &str = "paths::what_leaves_and_what_is_absorbed";
     const CREASES: &str = "rooms::creases";
+    // Until a picture is lit by transfer matrices.
+    const MATRICES: &str = "stage::reconstruct::of_evaluated_light";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -72,6 +74,7 @@ fn proof(choice: &str) -> Vec<Trial> {
             "coarsen" => SWEPT,
             "accumulate" | "upsample" => SEQUENCES,
             "path" => PATHS,
+            "evaluate" | "reconstruct" => MATRICES,
             _ => PICTURES,
         };
         for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {

@@ -148,6 +148,10 @@ fn one(subject: &Subject, record: &mut Record, set: Set) -> Result<(), Failed> {
     let past = tables.rows.iter().any(|r| *r > params.rows) && tables.clusters.iter().any(|c| *c >= params.clusters);
     check!(past == (set.past > 0), "indices past the last: {past}");
     check!(tables.rows.contains(&0), "no cell is empty: the case tries less");
+    let at = (set.eye + 0.5) / Vec3::from_slice(&params.cell) - 0.5;
+    let [x, y, z] = at.to_array().map(|v| v as usize);
+    let dark = at.cmplt(UVec3::from(CELLS).as_vec3()).all() && tables.rows[(z * 11 + y) * 13 + x] == 0;
+    check!(!dark, "the cell at the eye is empty: the case tries less");
     let bytes = |len: usize| 4 * len as u64;
     // The fewest cells that begin where every device can bind; and all that is bound whole.
     let whole = [tables.clusters.len(), tables.weights.len(), 4 * radiance.len(), tables.tables.len()].map(bytes);
