@@ -33,3 +33,6 @@ for cells in 10 25 50 100; do
     "$airlight" render scenes/cumulus.toml "${sky[@]}" --set estimate.environment.cells=$cells \
         --set estimate.environment.directions=192 -o $out/figure-4-$cells-cells.png
 done
+
+# Figures 7 and 8 of Zhang, Dong and Ma (2013): light, and a shadow, in spherical harmonics, radial and discrete functions.
+cargo run --release --quiet -p airlight-conformance --bin figures -- --bases --images $out -o "$work/bases.md"

@@ -1,16 +1,17 @@
 //! Measures every figure of the reference scene and prints it as Markdown.
 //!
 //! ```text
-//! cargo run --release -p airlight-conformance --bin figures -- -o docs/figures.md
+//! cargo run --release -p airlight-conformance --bin figures -- -o docs/figures.md --images docs/images
 //! ```
 
+mod bases;
 mod lights;
 mod orders;
 mod sequences;
 
 use std::error::Error;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::glam::DVec3;
@@ -31,6 +32,12 @@ struct Args {
     /// Writes the page to this file instead of standard output.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Writes the pictures of bases to this folder.
+    #[arg(long)]
+    images: Option<PathBuf>,
+    /// The sections on bases alone, which need no device.
+    #[arg(long)]
+    bases: bool,
 }
 
 /// A number with three digits.
@@ -252,6 +259,11 @@ fn told(failed: Failed) -> Box<dyn Error> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args = Args::parse();
+    if args.bases {
+        let mut page = String::new();
+        bases::bases(&mut page, args.images.as_deref())?;
+        return written(&page, args.output.as_deref());
+    }
     let subject = Subject::of_choice(&args.device);
     let name = subject.open().map_err(told)?.info().name.clone();
     let mut page = String::from("# Figures\n\n");
@@ -268,8 +280,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     lights::shadows(&mut page, &subject)?;
     sequences::steps(&mut page, &subject)?;
     orders::orders(&mut page, &subject)?;
-    match args.output {
-        Some(path) => std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?,
+    bases::bases(&mut page, args.images.as_deref())?;
+    written(&page, args.output.as_deref())
+}
+
+fn written(page: &str, output: Option<&Path>) -> Result<(), Box<dyn Error>> {
+    match output {
+        Some(path) => std::fs::write(path, page).map_err(|e| format!("{}: {e}", path.display()))?,
         None => print!("{page}"),
     }
     Ok(())
