@@ -183,6 +183,7 @@ impl Device for CpuDevice {
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
             Stage::Obstruct(stage) => kernels::obstruct::run(stage, part, &mut memory, isa),
             Stage::Path(stage) => kernels::path::run(stage, part, &mut memory),
+            Stage::Classify(stage) => kernels::classify::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

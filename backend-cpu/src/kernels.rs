@@ -4,6 +4,7 @@
 pub(crate) mod accumulate;
 pub(crate) mod angle;
 pub(crate) mod bend;
+pub(crate) mod classify;
 pub(crate) mod coarsen;
 pub(crate) mod face;
 pub(crate) mod field;

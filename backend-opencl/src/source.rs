@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use airlight_core::device::{Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Inject, March, Stage};
+use airlight_core::stage::{Classify, Inject, March, Stage};
 
 pub(crate) use airlight_core::device::{Shape, ShapeKind};
 
@@ -92,6 +92,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Sweep(_) => (file!("sweep.cl"), 1),
         Stage::Obstruct(_) => (file!("obstruct.cl"), 1),
         Stage::Path(_) => (file!("path.cl"), 1),
+        Stage::Classify(_) => (file!("classify.cl"), Classify::PACK),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

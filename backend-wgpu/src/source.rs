@@ -105,6 +105,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Sweep(_) => (file!("sweep.wgsl"), 64),
         Stage::Obstruct(_) => (file!("obstruct.wgsl"), 64),
         Stage::Path(_) => (file!("path.wgsl"), 64),
+        Stage::Classify(_) => (file!("classify.wgsl"), 1),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -1,6 +1,7 @@
 //! Each stage against its twin.
 
 mod accumulate;
+mod classify;
 mod coarsen;
 mod illuminate;
 mod inject;
@@ -41,6 +42,7 @@ pub(crate) fn cases() -> Vec<Case> {
         sweep::cases(),
         obstruct::cases(),
         path::cases(),
+        classify::cases(),
     ];
     all.into_iter().flatten().collect()
 }

@@ -8,11 +8,12 @@ use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    Accumulate, AccumulateParams, BlobRecord, CoarsenParams, FAR, IlluminateParams, Inject, InjectParams, LightFace,
-    LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct, ObstructParams, Path,
-    PathParams, PathRecord, PhaseParams, Project, ProjectParams, PropagateParams, Reduce, ReduceParams, RelightParams,
-    ShadeParams, ShadowParams, Stage, SweepDirection, SweepParams, TraceParams, Upsample, UpsampleParams,
-    accumulate_mode, alone, inject_kind, path_mode, propagate::scheme, shadow_kind, surface_shadow,
+    Accumulate, AccumulateParams, BlobRecord, Classify, ClassifyParams, CoarsenParams, ControlRecord, FAR,
+    IlluminateParams, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, MaterialRecord,
+    MeshRecord, Obstruct, ObstructParams, Path, PathParams, PathRecord, PhaseParams, Project, ProjectParams,
+    PropagateParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams, Stage, SweepDirection,
+    SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, alone, classify_kind, inject_kind, path_mode,
+    propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -278,6 +279,13 @@ const PATH: Recipe = Recipe {
     ],
 };
 
+const CLASSIFY: Recipe = Recipe {
+    params: ClassifyParams::NAME,
+    structs: &[ClassifyParams::text, ControlRecord::text],
+    per_field: &[],
+    helpers: &[],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -298,6 +306,7 @@ impl Recipe {
             Stage::Sweep(_) => SWEEP,
             Stage::Obstruct(_) => OBSTRUCT,
             Stage::Path(_) => PATH,
+            Stage::Classify(_) => CLASSIFY,
         }
     }
 
@@ -340,6 +349,11 @@ impl Recipe {
             ("PATH_FLIGHT", path_mode::FLIGHT),
             ("PATH_LONG", Path::LONG),
             ("CHOICE", Path::CHOICE),
+            ("PACK", Classify::PACK),
+            ("CLASSIFY_REACH", classify_kind::REACH),
+            ("CLASSIFY_COLOR", classify_kind::COLOR),
+            ("CLASSIFY_SCATTERING", classify_kind::SCATTERING),
+            ("CLASSIFY_SEEN", classify_kind::SEEN),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);

@@ -25,6 +25,8 @@ pub struct MediumFields {
     pub density: Field,
     /// The density that scatters, ρs, of each channel, where it is not ρ.
     pub scattering: Option<Field>,
+    /// The density that the eye sees scatter, where that is not ρ: ρs, unless it has a tint.
+    pub seen: Option<Field>,
     /// Emission.
     pub emission: EmissionSource,
     /// The lattice of all.

@@ -7,6 +7,7 @@
 
 mod accumulate;
 pub mod brute;
+mod classify;
 pub mod closed;
 mod coarsen;
 mod facets;
@@ -30,6 +31,7 @@ mod upsample;
 
 pub use accumulate::{AccumulateInputs, accumulate};
 pub use brute::{BruteForce, BruteSettings};
+pub use classify::{ClassifyInputs, classify};
 pub use coarsen::{CoarsenInputs, coarsen};
 pub use illuminate::{IlluminateInputs, illuminate};
 pub use inject::{InjectInputs, inject};

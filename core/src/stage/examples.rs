@@ -3,8 +3,8 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reduce, Relight, Shade, Shadow,
-    Stage, Sweep, Trace, Upsample,
+    Accumulate, Classify, Coarsen, Illuminate, Inject, March, Obstruct, Path, Project, Propagate, Reduce, Relight,
+    Shade, Shadow, Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
@@ -155,5 +155,6 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             paths: buf(11),
             film: buf(12),
         }),
+        Stage::Classify(Classify { params: Zeroable::zeroed(), values: scalar(0), points: buf(1), out: buf(2) }),
     ]
 }

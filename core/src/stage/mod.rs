@@ -5,6 +5,7 @@
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
 mod accumulate;
+mod classify;
 mod coarsen;
 mod examples;
 mod grid;
@@ -25,6 +26,7 @@ mod trace;
 mod upsample;
 
 pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
+pub use classify::{Classify, ClassifyParams, ControlRecord, classify_kind};
 pub use coarsen::{Coarsen, CoarsenParams};
 pub use examples::examples;
 pub use grid::{FAR, GridParams, PhaseParams};
@@ -125,6 +127,8 @@ pub enum Stage {
     Obstruct(Obstruct),
     /// Unbiased paths of light through everything.
     Path(Path),
+    /// What the values of a grid mean.
+    Classify(Classify),
 }
 
 macro_rules! each {
@@ -146,6 +150,7 @@ macro_rules! each {
             Stage::Sweep($stage) => $value,
             Stage::Obstruct($stage) => $value,
             Stage::Path($stage) => $value,
+            Stage::Classify($stage) => $value,
         }
     };
 }
@@ -156,7 +161,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 16] = [
+    pub const NAMES: [&'static str; 17] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -173,6 +178,7 @@ impl Stage {
         Sweep::NAME,
         Obstruct::NAME,
         Path::NAME,
+        Classify::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -230,6 +236,7 @@ impl Stage {
             Self::Sweep(stage) => stage.passes(turns)?.into_iter().map(Self::Sweep).collect(),
             Self::Obstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Obstruct).collect(),
             Self::Path(stage) => stage.passes(turns)?.into_iter().map(Self::Path).collect(),
+            Self::Classify(stage) => stage.passes(turns)?.into_iter().map(Self::Classify).collect(),
         })
     }
 
