@@ -19,6 +19,7 @@ pub(crate) mod noise;
 pub(crate) mod obstruct;
 pub(crate) mod path;
 pub(crate) mod phase;
+pub(crate) mod phong;
 pub(crate) mod project;
 pub(crate) mod propagate;
 pub(crate) mod random;

@@ -47,6 +47,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Noise => file!("noise.cl"),
         Helper::View => file!("view.cl"),
         Helper::Light => file!("light.cl"),
+        Helper::Phong => file!("phong.cl"),
         Helper::Mesh => file!("mesh.cl"),
         Helper::Face => file!("face.cl"),
         Helper::Sky => file!("sky.cl"),

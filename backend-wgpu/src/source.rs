@@ -65,6 +65,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Noise => file!("noise.wgsl"),
         Helper::View => file!("view.wgsl"),
         Helper::Light => file!("light.wgsl"),
+        Helper::Phong => file!("phong.wgsl"),
         Helper::Mesh => file!("mesh.wgsl"),
         Helper::Face => file!("face.wgsl"),
         Helper::Sky => file!("sky.wgsl"),

@@ -286,6 +286,7 @@ impl Toy {
                 let inputs = PathInputs {
                     density: self.field(s.density),
                     scattering: s.scattering.map(|f| self.field(f)),
+                    seen: s.seen.map(|f| self.field(f)),
                     emission: s.emission.map(|f| self.field(f)),
                     emission_color: s.emission_color.map(|f| self.field(f)),
                     environment: s.environment.map(|f| self.field(f)),

@@ -84,6 +84,8 @@ pub enum Helper {
     View,
     /// Light that arrives at a point of a view ray.
     Light,
+    /// Light that is scattered as by a surface across the density's gradient.
+    Phong,
     /// Rays through a mesh.
     Mesh,
     /// Faces of the maps of lights.
@@ -102,7 +104,7 @@ pub enum Helper {
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -113,6 +115,7 @@ impl Helper {
         Self::Noise,
         Self::View,
         Self::Light,
+        Self::Phong,
         Self::Mesh,
         Self::Face,
         Self::Sky,
@@ -135,6 +138,7 @@ impl Helper {
             Self::Noise => "noise",
             Self::View => "view",
             Self::Light => "light",
+            Self::Phong => "phong",
             Self::Mesh => "mesh",
             Self::Face => "face",
             Self::Sky => "sky",
@@ -194,6 +198,7 @@ const MARCH: Recipe = Recipe {
         Helper::Harmonics,
         Helper::Segment,
         Helper::Light,
+        Helper::Phong,
         Helper::Mesh,
         Helper::Face,
         Helper::Sky,
@@ -366,6 +371,7 @@ impl Recipe {
             ("MESH_SLACK", MeshRecord::SLACK),
             ("MESH_MARGIN", MeshRecord::MARGIN),
             ("MARCH_RIM", March::RIM),
+            ("PHONG_FLAT", March::FLAT),
             ("UNMARCHED", March::UNMARCHED),
             ("UPSAMPLE_NEAR", Upsample::NEAR),
             ("UPSAMPLE_COSINE", Upsample::COSINE),

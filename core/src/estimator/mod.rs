@@ -3,6 +3,7 @@
 //! An estimator plans the stages that prepare its J and adds what the march shall read to [`Sources`].
 
 mod direct;
+mod local;
 mod opacity;
 mod ordinates;
 mod records;
@@ -12,7 +13,7 @@ use glam::{DVec3, Vec3};
 
 use crate::device::{Buf, Field};
 use crate::exec::{Plan, RenderError};
-use crate::scene::Scene;
+use crate::scene::{Local, Scene};
 use crate::stage::{GridParams, LightRecord, MaterialRecord, MeshRecord};
 
 /// Y_0 of the spherical harmonics, 1/√4π.
@@ -25,7 +26,7 @@ pub struct MediumFields {
     pub density: Field,
     /// The density that scatters, ρs, of each channel, where it is not ρ.
     pub scattering: Option<Field>,
-    /// The density that the eye sees scatter, where that is not ρ: ρs, unless it has a tint.
+    /// The density that the eye sees scatter, where that is not what scatters.
     pub seen: Option<Field>,
     /// Emission.
     pub emission: EmissionSource,
@@ -147,6 +148,8 @@ pub struct Sources {
     pub light_extinction: Option<Vec3>,
     /// Lights that are evaluated at every view sample.
     pub lights: Option<Lights>,
+    /// What takes the place of the phase function in light from them.
+    pub phong: Option<Local>,
 }
 
 /// Lights that are evaluated at every view sample.

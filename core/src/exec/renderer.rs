@@ -212,6 +212,7 @@ fn plan_frame<'a>(
     match &scene.estimate.lights {
         Some(LightsEstimate::Opacity(opacity)) => opacity.plan(scene, &medium, plan, &mut sources)?,
         Some(LightsEstimate::Direct(direct)) => direct.plan(scene, &medium, plan, &mut sources)?,
+        Some(LightsEstimate::Local(local)) => local.plan(scene, &medium, plan, &mut sources)?,
         None => (),
     }
     let background = plan_background(scene, surface, plan);
@@ -264,7 +265,7 @@ pub(super) fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Medium
     MediumFields {
         density: fields.density,
         scattering: fields.scattering,
-        seen: fields.seen.or(fields.scattering),
+        seen: fields.seen,
         emission: if emits { emission } else { EmissionSource::Off },
         grid: GridParams::new(lattice),
         step: (scene.quality.step * medium.voxel()) as f32,
@@ -397,6 +398,7 @@ fn plan_march<'a>(
             }
         };
     }
+    params.phong = sources.phong.map_or([0.0; 4], |l| [l.ambient, l.diffuse, l.specular, l.shininess]);
     let phase = PhaseParams::new(&optics.phase);
     (params.phase_kind, params.phase) = (phase.kind, phase.lobes);
     (params.phase_at, params.phase_size) = (tables.len() as u32, phase.table.len() as u32);
@@ -424,7 +426,7 @@ fn plan_march<'a>(
     let mut march = March {
         params,
         density: medium.density,
-        scattering: medium.seen,
+        scattering: medium.seen.or(medium.scattering),
         emission: medium.emission.density(),
         emission_color: medium.emission.color(),
         in_scatter: sources.field.map(|source| source.field),

@@ -15,6 +15,7 @@ mod lattice;
 mod noise;
 mod optics;
 mod phase;
+mod presets;
 mod transfer_function;
 
 use std::fmt::Debug;
@@ -32,6 +33,7 @@ pub use optics::{Optics, OpticsError};
 #[cfg(test)]
 pub(crate) use phase::legendre;
 pub use phase::{Phase, PhaseError, PhaseTable};
+pub use presets::Preset;
 pub use transfer_function::{ControlPoint, TransferFunction, TransferFunctionError};
 
 use crate::Version;

@@ -18,6 +18,7 @@ mod march;
 mod mesh;
 mod obstruct;
 mod path;
+mod phong;
 mod project;
 mod propagate;
 mod reduce;

@@ -143,6 +143,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             params: Zeroable::zeroed(),
             density: scalar(0),
             scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            seen: full.then(|| field(13, FieldFormat::Rgba)),
             emission: full.then(|| scalar(2)),
             emission_color: full.then(|| field(3, FieldFormat::Rgba)),
             environment: full.then(|| field(4, FieldFormat::Rgba)),
