@@ -7,7 +7,7 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{ControlPoint, Grid, GridMedium, Optics, Phase, TransferFunction};
 use airlight::scene::{
-    EnvironmentEstimate, Estimate, LightsEstimate, Local, Orders, Records, ScatteringEstimate, Sweeps,
+    EnvironmentEstimate, Estimate, LightsEstimate, Local, Orders, Records, ScatteringEstimate, Solver, Sweeps,
 };
 use libtest_mimic::Failed;
 
