@@ -186,6 +186,7 @@ impl Device for CpuDevice {
             Stage::Evaluate(stage) => kernels::evaluate::run(stage, part, &mut memory, isa),
             Stage::Reconstruct(stage) => kernels::reconstruct::run(stage, part, &mut memory, isa),
             Stage::Photons(stage) => kernels::photons::run(stage, part, &mut memory),
+            Stage::Classify(stage) => kernels::classify::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {
             self.resources.insert(id, resource);

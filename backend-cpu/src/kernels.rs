@@ -4,6 +4,7 @@
 pub(crate) mod accumulate;
 pub(crate) mod angle;
 pub(crate) mod bend;
+pub(crate) mod classify;
 pub(crate) mod coarsen;
 pub(crate) mod evaluate;
 pub(crate) mod face;
@@ -19,6 +20,7 @@ pub(crate) mod noise;
 pub(crate) mod obstruct;
 pub(crate) mod path;
 pub(crate) mod phase;
+pub(crate) mod phong;
 pub(crate) mod photons;
 pub(crate) mod project;
 pub(crate) mod propagate;

@@ -312,6 +312,8 @@ float3 scattered_light(const Bound *bound, float3 at, const float *basis) {
 float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
     float3 sum = (float3)(0.0f);
     float4 depths = (float4)(0.0f);
+    bool surface = bound->params->phong.w > 0.0f;
+    float3 away = surface ? normal(bound, at) : (float3)(0.0f);
     for (uint i = 0u; i < bound->params->lights; i++) {
         if (i % 4u == 0u) {
             depths = light_depths(bound, at, i / 4u);
@@ -327,7 +329,13 @@ float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
         if (seen <= 0.0f) {
             continue;
         }
-        float scale = phase(bound, dot(light.toward, direction)) * light.falloff * seen;
+        float scatters = 0.0f;
+        if (surface) {
+            scatters = phong(bound, away, light.toward, direction);
+        } else {
+            scatters = phase(bound, dot(light.toward, direction));
+        }
+        float scale = scatters * light.falloff * seen;
         float optical = depths.x;
         uint shadow = bound->params->shadow;
         if (shadow == SHADOW_MARCH || shadow == SHADOW_MEAN) {

@@ -33,6 +33,7 @@ float limit(const Bound *bound, const Way *way, uint pixel);
 bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers);
 float3 extinction(const Bound *bound, float3 at, float rate);
 float3 scattering(const Bound *bound, float3 at, float3 stops, float rate);
+float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate);
 float3 emission(const Bound *bound, float3 at, float rate);
 float3 faint(float3 ratio, Draws *numbers);
 void offer(Way *way, float3 weights, float t, Draws *numbers);
@@ -249,7 +250,7 @@ bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers) {
         float stopped = dot(way->ratio, stops);
         way->stopped += stopped;
         way->stopped_at += stopped * on->t;
-        offer(way, way->ratio * scatters, on->t, numbers);
+        offer(way, way->ratio * tinted(bound, at, scatters, rate), on->t, numbers);
         way->ratio = faint(way->ratio * (1.0f - stops), numbers);
         on->over = all(way->ratio == (float3)(0.0f));
         return false;
@@ -285,6 +286,15 @@ float3 scattering(const Bound *bound, float3 at, float3 stops, float rate) {
         return density / rate * bound->params->extinction.xyz * albedo;
     }
     return stops * albedo;
+}
+
+// Scattering over the rate as the eye sees it.
+float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate) {
+    if (has_seen_scattering) {
+        float3 density = sample_seen_scattering(bound, at, convert_int3(bound->params->dims.xyz), 0).xyz;
+        return density / rate * bound->params->extinction.xyz * bound->params->albedo.xyz;
+    }
+    return scatters;
 }
 
 // Emission over the rate.

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use airlight_core::device::{Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Inject, March, Stage};
+use airlight_core::stage::{Classify, Inject, March, Stage};
 
 pub(crate) use airlight_core::device::{Shape, ShapeKind};
 
@@ -47,6 +47,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Noise => file!("noise.cl"),
         Helper::View => file!("view.cl"),
         Helper::Light => file!("light.cl"),
+        Helper::Phong => file!("phong.cl"),
         Helper::Mesh => file!("mesh.cl"),
         Helper::Face => file!("face.cl"),
         Helper::Sky => file!("sky.cl"),
@@ -95,6 +96,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Evaluate(_) => (file!("evaluate.cl"), 1),
         Stage::Reconstruct(_) => (file!("reconstruct.cl"), 1),
         Stage::Photons(_) => (file!("photons.cl"), 1),
+        Stage::Classify(_) => (file!("classify.cl"), Classify::PACK),
     };
     Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
 }

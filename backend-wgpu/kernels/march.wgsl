@@ -273,6 +273,10 @@ fn scattered_light(at: vec3<f32>, basis: ptr<function, array<f32, HARMONICS_MAX>
 fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     var depths = vec4<f32>(0.0);
+    var away = vec3<f32>(0.0);
+    if params.phong.w > 0.0 {
+        away = normal(at);
+    }
     for (var i = 0u; i < params.lights; i++) {
         if i % 4u == 0u {
             depths = light_depths(at, i / 4u);
@@ -286,7 +290,13 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
         if seen <= 0.0 {
             continue;
         }
-        let scale = phase(dot(light.toward, direction)) * light.falloff * seen;
+        var scatters = 0.0;
+        if params.phong.w > 0.0 {
+            scatters = phong(away, light.toward, direction);
+        } else {
+            scatters = phase(dot(light.toward, direction));
+        }
+        let scale = scatters * light.falloff * seen;
         var optical = depths[i % 4u];
         if params.shadow == SHADOW_MARCH || params.shadow == SHADOW_MEAN {
             let size = vec3<f32>(params.dims.xyz);

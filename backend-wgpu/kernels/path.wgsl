@@ -221,7 +221,7 @@ fn turn(here: u32, way: ptr<function, Way>, on: ptr<function, Walk>, numbers: pt
         let stopped = dot((*way).ratio, stops);
         (*way).stopped += stopped;
         (*way).stopped_at += stopped * (*on).t;
-        offer(way, (*way).ratio * scatters, (*on).t, numbers);
+        offer(way, (*way).ratio * tinted(at, scatters, rate), (*on).t, numbers);
         (*way).ratio = faint((*way).ratio * (1.0 - stops), numbers);
         (*on).over = all((*way).ratio == vec3<f32>(0.0));
         return false;
@@ -256,6 +256,15 @@ fn scattering(at: vec3<f32>, stops: vec3<f32>, rate: f32) -> vec3<f32> {
         return density / rate * params.extinction.xyz * params.albedo.xyz;
     }
     return stops * params.albedo.xyz;
+}
+
+// σs/μ as the eye sees it.
+fn tinted(at: vec3<f32>, scatters: vec3<f32>, rate: f32) -> vec3<f32> {
+    if has_seen_scattering {
+        let density = sample_seen_scattering(at, vec3<i32>(params.dims.xyz), 0).xyz;
+        return density / rate * params.extinction.xyz * params.albedo.xyz;
+    }
+    return scatters;
 }
 
 // j/μ.

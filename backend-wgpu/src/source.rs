@@ -65,6 +65,7 @@ fn helper(helper: Helper) -> KernelFile {
         Helper::Noise => file!("noise.wgsl"),
         Helper::View => file!("view.wgsl"),
         Helper::Light => file!("light.wgsl"),
+        Helper::Phong => file!("phong.wgsl"),
         Helper::Mesh => file!("mesh.wgsl"),
         Helper::Face => file!("face.wgsl"),
         Helper::Sky => file!("sky.wgsl"),
@@ -108,6 +109,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Evaluate(_) => (file!("evaluate.wgsl"), 64),
         Stage::Reconstruct(_) => (file!("reconstruct.wgsl"), 64),
         Stage::Photons(_) => (file!("photons.wgsl"), 64),
+        Stage::Classify(_) => (file!("classify.wgsl"), 1),
     };
     Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
 }

@@ -1,5 +1,6 @@
 //! Single stages on resources of their own.
 
+mod classify;
 mod matrices;
 mod path;
 
@@ -30,7 +31,7 @@ pub(crate) const BANDS: u32 = 3;
 pub(crate) const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 18] = [
+pub const STAGES: [&str; 19] = [
     "inject",
     "reduce",
     "project",
@@ -49,6 +50,7 @@ pub const STAGES: [&str; 18] = [
     "path",
     "evaluate",
     "reconstruct",
+    "classify",
 ];
 
 /// A ray of the view, in index space.
@@ -182,6 +184,7 @@ impl Rig {
             "path" => (self.path(view), "paths"),
             "evaluate" => (self.evaluate(1, false), "products"),
             "reconstruct" => (self.reconstruct(1, 1, false), "cells"),
+            "classify" => (self.classify(), "voxels"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };

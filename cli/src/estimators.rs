@@ -277,6 +277,7 @@ impl Choice {
                 other => format!("opacity, {other:?}").to_lowercase(),
             },
             Some(LightsEstimate::Direct(direct)) => format!("direct, {:?}", direct.shadow).to_lowercase(),
+            Some(LightsEstimate::Local(_)) => "local".into(),
             None => "none".into(),
         };
         let scattering = match &estimate.scattering {

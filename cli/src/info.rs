@@ -7,7 +7,7 @@ use airlight::basis::window::{DIRECTIONS, Ringing};
 use airlight::device::Bytes;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light, Split};
-use airlight::media::{Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
+use airlight::media::{ControlPoint, DensitySource, Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
 use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Reason, Scene};
 use airlight::transfer::Channel;
 use airlight_formats::image::load_environment;
@@ -101,6 +101,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "samples": camera.samples,
         },
         "medium": field,
+        "transfer_function": classification(medium.as_ref()),
         "optics": {
             "extinction": rgb(optics.extinction),
             "albedo": rgb(optics.albedo),
@@ -132,6 +133,23 @@ fn scene(path: &Path) -> Result<Value, Failure> {
     }))
 }
 
+/// The values of a medium that is classified, and what they mean.
+fn classification(medium: &dyn Medium) -> Option<Value> {
+    let DensitySource::Classified(medium) = medium.source() else { return None };
+    let dims = medium.lattice().dims();
+    let point = |p: &ControlPoint| {
+        json!({
+            "value": shortest(p.value),
+            "density": shortest(p.density),
+            "albedo": rgb(p.albedo),
+            "emission": rgb(p.emission),
+            "tint": rgb(p.tint),
+        })
+    };
+    let points: Vec<_> = medium.function().points().iter().map(point).collect();
+    Some(json!({ "values": range(dims, |k, out| medium.values_slice(k, out)), "point": points }))
+}
+
 /// The largest values, in each channel, of what scatters and shines otherwise than the density does; null where nothing does.
 fn fields(medium: &dyn Medium) -> Value {
     let dims = medium.lattice().dims();
@@ -151,11 +169,14 @@ fn fields(medium: &dyn Medium) -> Value {
         let channels = most[..values.min(3)].iter().map(|v| number(f64::from(*v)));
         Some(json!(channels.collect::<Vec<_>>()))
     };
-    let OpticsFields { scattering, emission, emission_color } = medium.optics_fields();
+    let OpticsFields { scattering, emission, emission_color, seen } = medium.optics_fields();
     let mut map = Map::new();
-    for (name, field, values) in
-        [("scattering", scattering, 4), ("emission", emission, 1), ("emission_color", emission_color, 4)]
-    {
+    for (name, field, values) in [
+        ("scattering", scattering, 4),
+        ("emission", emission, 1),
+        ("emission_color", emission_color, 4),
+        ("seen", seen, 4),
+    ] {
         map.extend(largest(field, values).map(|most| (name.to_owned(), most)));
     }
     if map.is_empty() { Value::Null } else { Value::Object(map) }
@@ -382,17 +403,22 @@ fn walkable(dims: UVec3) -> bool {
 }
 
 fn raw_range(grid: &Grid) -> Map<String, Value> {
-    if !walkable(grid.bounds().dims) {
-        return Map::from_iter([("range".to_owned(), Value::Null)]);
+    let fill = |k: u32, out: &mut [f32]| grid.write_slice(grid.bounds(), grid.bounds().min.z + k as i32, out);
+    Map::from_iter([("range".to_owned(), range(grid.bounds().dims, fill))])
+}
+
+/// The least and the largest value of what is small enough to be walked.
+fn range(dims: UVec3, fill: impl FnMut(u32, &mut [f32])) -> Value {
+    if !walkable(dims) {
+        return Value::Null;
     }
     let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
-    let fill = |k: u32, out: &mut [f32]| grid.write_slice(grid.bounds(), grid.bounds().min.z + k as i32, out);
-    slices(grid.bounds().dims, fill, |_, slice| {
+    slices(dims, fill, |_, slice| {
         for &v in slice {
             (min, max) = (min.min(v), max.max(v));
         }
     });
-    Map::from_iter([("range".to_owned(), json!([number(min.into()), number(max.into())]))])
+    json!([number(min.into()), number(max.into())])
 }
 
 /// Calls `visit` with every slice of a grid that is [`walkable`].

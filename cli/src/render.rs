@@ -221,6 +221,7 @@ fn estimators(scene: &Scene) -> Vec<String> {
     let lights = scene.estimate.lights.as_ref().map(|l| match l {
         LightsEstimate::Opacity(o) => format!("lights: opacity {o:?}"),
         LightsEstimate::Direct(d) => format!("lights: direct {d:?}"),
+        LightsEstimate::Local(l) => format!("lights: local {l:?}"),
     });
     let scattering = scene.estimate.scattering.as_ref().map(|s| match s {
         ScatteringEstimate::Sweeps(s) => format!("scattering: sweeps {s:?}"),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
 use airlight::light::{BlackBody, Environment, Light};
-use airlight::media::{Grid, GridMedium, Homogeneous, Optics, Phase};
+use airlight::media::{Classified, ControlPoint, Grid, GridMedium, Homogeneous, Optics, Phase, TransferFunction};
 use airlight::reference::closed::{LitBox, emission_absorption, transmittance};
 use airlight::scene::{
     Background, Content, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Opacity, Quality, Records, Scene,
@@ -69,6 +69,16 @@ pub(crate) fn cases() -> Vec<Case> {
         ),
     ];
     cases = cases.into_iter().map(|case| case.within(&tolerance::CLOSED)).collect();
+    cases.push(
+        Case::new(
+            "closed::classified",
+            "A box of one value between two control points, scattered once in a directional light, is the closed form's of \
+             what the points say between them, times their tint.",
+            classified,
+        )
+        .within(&tolerance::LIT_BOX)
+        .permutes(&shadows()),
+    );
     cases.push(
         Case::new(
             "closed::albedo_shares",
@@ -219,6 +229,23 @@ fn shares(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     // As fine as in a homogeneous box.
     scene.quality.step = (BOX.max - BOX.min).min_element() / 64.0 / scene.medium.voxel();
     lit_once(subject, record, scene, shares.map(|share| share * SCATTERS))
+}
+
+fn classified(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut scene = fog(chromatic(Phase::HenyeyGreenstein { g: 0.4 }));
+    // A quarter of the way from the first point to the second is a density of 0.8.
+    let point = |value, density, albedo: [f32; 3], tint: [f32; 3]| ControlPoint {
+        albedo: Vec3::from(albedo),
+        tint: Vec3::from(tint),
+        ..ControlPoint::new(value, density)
+    };
+    let function = TransferFunction::new(vec![
+        point(-120.0, 0.4, [0.5, 1.0, 0.25], [1.0, 0.5, 0.25]),
+        point(280.0, 2.0, [0.9, 0.6, 0.65], [0.6, 0.9, 0.25]),
+    ])?;
+    scene.medium = Arc::new(Classified::new(constant(-20.0, DMat3::IDENTITY)?, function)?);
+    scene.quality.step = (BOX.max - BOX.min).min_element() / 64.0 / scene.medium.voxel();
+    lit_once(subject, record, scene, [0.6 * 0.9, 0.9 * 0.6, 0.35 * 0.25])
 }
 
 fn emission(subject: &Subject, record: &mut Record) -> Result<(), Failed> {

@@ -26,7 +26,7 @@ use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use crate::bench::Bench;
-use crate::fixtures::{DIMS, Map, cloud, grey, room, sky};
+use crate::fixtures::{DIMS, Map, classified, cloud, grey, room, sky};
 use crate::stages::reconstruct::chain;
 use crate::{Axis, Case, Record, Subject, check};
 
@@ -125,6 +125,9 @@ fn running(stage: &str) -> Scene {
         let path = Path { samples: 2, ..Path::default() };
         scene.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
         scene.quality.temporal = false;
+    }
+    if stage == "classify" {
+        scene.medium = Arc::new(classified(Map::Plain, DIMS));
     }
     scene
 }

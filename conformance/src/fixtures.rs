@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use airlight::glam::{DAffine3, DMat3, DQuat, DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Image};
-use airlight::media::{Grid, GridMedium, Lattice, Optics, Phase, PhaseTable};
+use airlight::media::{
+    Classified, ControlPoint, Grid, GridMedium, Lattice, Optics, Phase, PhaseTable, TransferFunction,
+};
 use airlight::scene::{Camera, Estimate, Material, Mesh, Quality, Scene, Triangle};
 
 /// The dimensions of most small fields.
@@ -144,6 +146,26 @@ pub(crate) fn varied(map: Map, dims: UVec3) -> GridMedium {
         .and_then(|medium| medium.with_albedo(albedo))
         .and_then(|medium| medium.with_temperature(rough(16, |v| 1.2 + 0.8 * v), 1000.0, 1500.0))
         .expect("values in range")
+}
+
+/// The medium of [`cloud`] by values of -1000 to 1000 that are classified, with colours of their own and a tint.
+pub(crate) fn classified(map: Map, dims: UVec3) -> Classified {
+    let values = density(dims, 5).into_iter().map(|v| 2000.0 * v - 1000.0).collect();
+    let grid = Grid::dense(dims, map.lattice(dims).index_to_world(), values).expect("as many values as voxels");
+    let point = |value, density, albedo: [f32; 3], emission: [f32; 3], tint: [f32; 3]| ControlPoint {
+        albedo: Vec3::from(albedo),
+        emission: Vec3::from(emission),
+        tint: Vec3::from(tint),
+        ..ControlPoint::new(value, density)
+    };
+    let points = vec![
+        point(-1000.0, 0.0, [1.0; 3], [0.0; 3], [1.0; 3]),
+        point(-400.0, 0.2, [0.9, 0.5, 0.3], [0.0, 0.1, 0.2], [1.0, 0.6, 0.5]),
+        point(100.0, 0.5, [0.6, 0.7, 0.9], [0.0; 3], [0.8, 0.9, 0.3]),
+        point(800.0, 1.2, [0.95; 3], [0.3, 0.1, 0.0], [1.0, 0.9, 0.8]),
+    ];
+    let function = TransferFunction::new(points).expect("points in range");
+    Classified::new(Arc::new(grid), function).expect("finite values")
 }
 
 /// A cloud of `dims` rough voxels, not lit.

@@ -14,7 +14,7 @@ use airlight::scene::{
 };
 use libtest_mimic::Failed;
 
-use crate::fixtures::{Map, camera, chromatic, cloud, grey, noise, phases, room, sky, varied};
+use crate::fixtures::{Map, camera, chromatic, classified, cloud, grey, noise, phases, room, sky, varied};
 use crate::limits::sizes;
 use crate::{Axis, Case, Record, Subject, rgb, tolerance};
 
@@ -196,6 +196,9 @@ fn scenes() -> Axis<Scene> {
     let mut varying = orders(with_lights(lit(glowing(chromatic(Phase::Rayleigh)), swept(radiance))), 2);
     varying.medium = Arc::new(varied(Map::Rotated, DIMS));
     scenes.push(("five orders of what varies", varying));
+    let mut values = orders(with_lights(lit(glowing(chromatic(hg())), swept(radiance))), 2);
+    values.medium = Arc::new(classified(Map::Rotated, DIMS));
+    scenes.push(("values that are classified", values));
     Axis::new("scene", scenes)
 }
 

@@ -22,6 +22,7 @@
 
 mod bench;
 mod case;
+mod classification;
 mod closed;
 pub mod columns;
 mod compare;
@@ -147,6 +148,7 @@ pub fn cases() -> Vec<Case> {
         sequences::cases(),
         pictures::cases(),
         scattering::cases(),
+        classification::cases(),
     ];
     groups.into_iter().flatten().collect()
 }

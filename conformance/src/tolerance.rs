@@ -73,6 +73,11 @@ tolerances! {
     /// As [`STAGE`], of means.
     MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }
 
+    /// What the values of a grid mean.
+    CLASSIFY { 1e-5, 1e-5,
+        "f32 against f64: places between points are quotients of differences of some hundreds, good to 10⁻⁶ where 256 points stand \
+         every 16 and values are good to 10⁻⁴, and products of three numbers." }
+
     /// Density that is made on the device, against its twin.
     INJECT { 1e-5, 1e-5,
         "f32 against f64: places are good to 2⁻²⁴ of half a metre, which Gaussians of up to 40/m and fog of 7 falloffs a \

@@ -47,6 +47,7 @@ fn proof(choice: &str) -> Vec<Trial> {
     const SWEPT: &str = "scattering::swept_records";
     const SEQUENCES: &str = "sequence::as_the_processor";
     const PATHS: &str = "paths::what_leaves_and_what_is_absorbed";
+    const CLASSIFIED: &str = "closed::classified";
     const CREASES: &str = "rooms::creases";
     // Until a picture is lit by transfer matrices.
     const MATRICES: &str = "stage::reconstruct::of_evaluated_light";
@@ -75,6 +76,7 @@ fn proof(choice: &str) -> Vec<Trial> {
             "accumulate" | "upsample" => SEQUENCES,
             "path" => PATHS,
             "evaluate" | "reconstruct" => MATRICES,
+            "classify" => CLASSIFIED,
             _ => PICTURES,
         };
         for fault in [Fault::Skip, Fault::Scale(1.05), Fault::Fail] {
@@ -92,7 +94,8 @@ fn proof(choice: &str) -> Vec<Trial> {
     trials.push(Trial::test(name, move || noticed(&subject, group(CREASES))));
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures = [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SWEPT, SEQUENCES, PATHS, CREASES];
+        let pictures =
+            [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SWEPT, SEQUENCES, PATHS, CLASSIFIED, CREASES];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }

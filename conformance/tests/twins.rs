@@ -45,6 +45,7 @@ const CPU: Backend = Backend {
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
         ("upsample", "run", MEMORY),
         ("accumulate", "run", MEMORY),
+        ("classify", "run", MEMORY),
         ("coarsen", "run", MEMORY),
         ("illuminate", "run", MEMORY),
         ("obstruct", "run", MEMORY),

@@ -13,6 +13,7 @@ use super::harmonics::{self, harmonics};
 use super::light::{Incident, incident, to_index};
 use super::mesh::{Mesh, line};
 use super::phase::{Phase, phase};
+use super::phong::{normal, phong};
 use super::sample::{Occupancy, Ray};
 use super::segment::segment;
 use super::sky::{Sky, sky};
@@ -471,6 +472,7 @@ fn layered<'a>(
 fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, light: &mut [F; 3]) {
     let p = inputs.p;
     let mut depths = [F::ZERO; 4];
+    let away = if p.phong[3] > 0.0 { normal(inputs.density, rows(p), at) } else { [F::ZERO; 3] };
     for (n, record) in inputs.lights.iter().enumerate() {
         if n % 4 == 0 {
             depths = light_depths(inputs, at, dense, n / 4);
@@ -486,7 +488,12 @@ fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, li
         if !lit.any() {
             continue;
         }
-        let scale = lit.select(phase(&inputs.phase, dot(toward, direction)) * falloff * seen, F::ZERO);
+        let scatters = if p.phong[3] > 0.0 {
+            phong(p.phong, away, toward, direction)
+        } else {
+            phase(&inputs.phase, dot(toward, direction))
+        };
+        let scale = lit.select(scatters * falloff * seen, F::ZERO);
         let mut column = depths[n % 4];
         if p.shadow == shadow_kind::MARCH || p.shadow == shadow_kind::MEAN {
             let ray = Ray::through(at, to_index(rows(p), toward), inputs.density.size(), distance, p.step);

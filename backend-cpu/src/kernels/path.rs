@@ -31,6 +31,7 @@ struct Inputs<'a> {
     ground: Ground<'a>,
     density: Scalars<'a>,
     scattering: Option<Colors<'a>>,
+    seen: Option<Colors<'a>>,
     emission: Option<Scalars<'a>>,
     emission_color: Option<Colors<'a>>,
     environment: Option<Sky<'a>>,
@@ -94,6 +95,7 @@ pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> R
         },
         density: Scalars::new(read.field(stage.density)?, p.dims),
         scattering: colors(stage.scattering)?,
+        seen: colors(stage.seen)?,
         emission: match stage.emission {
             Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
             None => None,
@@ -329,7 +331,7 @@ fn turn(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, on: &mut Walk, numbers: 
         let stopped = way.ratio.dot(extinction);
         way.stopped += stopped;
         way.stopped_at += stopped * on.t;
-        offer(way, way.ratio * scattering, on.t, numbers);
+        offer(way, way.ratio * tinted(inputs, at, scattering, rate), on.t, numbers);
         way.ratio = faint(way.ratio * (Vec3::ONE - extinction), numbers);
         on.over = way.ratio == Vec3::ZERO;
         return false;
@@ -368,6 +370,18 @@ fn scattering(inputs: &Inputs<'_>, at: Vec3, extinction: Vec3, rate: f32) -> Vec
             Vec3::new(r, g, b) / rate * Vec3::new(e[0], e[1], e[2]) * albedo
         }
         None => extinction * albedo,
+    }
+}
+
+/// σs/μ as the eye sees it.
+fn tinted(inputs: &Inputs<'_>, at: Vec3, scattering: Vec3, rate: f32) -> Vec3 {
+    let (a, e) = (inputs.p.albedo, inputs.p.extinction);
+    match inputs.seen {
+        Some(field) => {
+            let [r, g, b, _] = field.sample(at.to_array()).layer(0);
+            Vec3::new(r, g, b) / rate * Vec3::new(e[0], e[1], e[2]) * Vec3::new(a[0], a[1], a[2])
+        }
+        None => scattering,
     }
 }
 

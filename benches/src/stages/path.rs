@@ -43,6 +43,7 @@ impl Rig {
             params,
             density: self.density,
             scattering: None,
+            seen: None,
             emission: None,
             emission_color: None,
             environment: None,

@@ -39,6 +39,8 @@ pub(super) struct Set {
     pub(super) scattered: Option<u32>,
     pub(super) lights: Vec<Light>,
     pub(super) shadow: u32,
+    /// Ambient, diffuse and specular reflectance, and shininess; of none where that is zero.
+    pub(super) phong: [f32; 4],
     /// Rotation of a visible environment, degrees.
     pub(super) environment: Option<f32>,
     pub(super) surface: bool,
@@ -90,6 +92,7 @@ pub(super) fn plain(name: &str) -> Set {
         scattered: None,
         lights: Vec::new(),
         shadow: shadow_kind::NONE,
+        phong: [0.0; 4],
         environment: None,
         surface: false,
         fine: false,
@@ -144,7 +147,7 @@ fn host(set: &Set) -> Host {
     (p.step, p.cut, p.light_floor) = (set.step, March::CUT, 1e-4);
     p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { set.dims[a].div_ceil(set.block) } else { set.block });
     p.lights = set.lights.len() as u32;
-    p.shadow = set.shadow;
+    (p.shadow, p.phong) = (set.shadow, set.phong);
     let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
     let mut in_scatter = Vec::new();
     if let Some(InScatter { bands, trilinear }) = set.in_scatter {

@@ -12,8 +12,18 @@ use crate::fixtures::{Map, camera, chromatic, grey, phases};
 use crate::{Case, Record, Subject, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
-    let sets =
-        [transmittance(), emission(), varying(), in_scatter(), lights(), shadowed(), background(), views(), samples()];
+    let sets = [
+        transmittance(),
+        emission(),
+        varying(),
+        in_scatter(),
+        lights(),
+        local(),
+        shadowed(),
+        background(),
+        views(),
+        samples(),
+    ];
     let made = |set: Set| {
         let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
         let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
@@ -123,6 +133,23 @@ fn in_scatter() -> Vec<Set> {
         Set { scattered: Some(3), map: Map::Rotated, ..scattering("three_bands_scattered_before", Phase::Isotropic) },
         Set { scattered: Some(2), ..records("records_and_scattered_before", 3, true) },
         Set { scattered: Some(4), lights: vec![sun()], ..records("all_orders", 1, false) },
+    ]
+}
+
+/// Light as of surfaces across the density's gradient.
+fn local() -> Vec<Set> {
+    let set = |name: &str, map: Map| Set {
+        map,
+        lights: vec![sun(), lamp(), spot()],
+        phong: [0.7, 0.8, 0.3, 9.0],
+        ..scattering(name, Phase::HenyeyGreenstein { g: 0.4 })
+    };
+    vec![
+        set("local", Map::Plain),
+        set("local_sheared", Map::Sheared),
+        set("local_mirrored", Map::Mirrored),
+        Set { phong: [0.0, 0.0, 1.0, 40.0], ..set("local_gloss", Map::Rotated) },
+        Set { shadow: shadow_kind::MARCH, own_scattering: true, ..set("local_shadowed", Map::Rotated) },
     ]
 }
 

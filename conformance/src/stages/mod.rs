@@ -1,6 +1,7 @@
 //! Each stage against its twin.
 
 mod accumulate;
+mod classify;
 mod coarsen;
 mod evaluate;
 mod illuminate;
@@ -45,6 +46,7 @@ pub(crate) fn cases() -> Vec<Case> {
         path::cases(),
         evaluate::cases(),
         reconstruct::cases(),
+        classify::cases(),
     ];
     all.into_iter().flatten().collect()
 }

@@ -135,6 +135,12 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         .zip(&rho)
         .map(|(v, rho)| [v[0] * rho, v[1] * rho, v[2] * rho, 0.0])
         .collect();
+    // A part of that is what the eye sees.
+    let seen: Vec<[f32; 4]> = noise(54, 3 * voxels)
+        .chunks_exact(3)
+        .zip(&scattering)
+        .map(|(v, s)| [v[0] * s[0], v[1] * s[1], v[2] * s[2], 0.0])
+        .collect();
     let shining: Vec<f32> = noise(50, voxels).into_iter().map(|v| (v - 0.6).max(0.0)).collect();
     let colors: Vec<[f32; 4]> = shining.iter().map(|&v| [v, 0.5 * v, 0.2 * v, 0.0]).collect();
     let pixels = (p.width * p.height) as usize;
@@ -161,6 +167,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         &PathInputs {
             density: &rho,
             scattering: set.fields.then_some(&scattering[..]),
+            seen: set.fields.then_some(&seen[..]),
             emission: None,
             emission_color: set.fields.then_some(&colors[..]),
             environment: set.environment.then_some(&texels[..]),
@@ -177,6 +184,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         params: p,
         density: field,
         scattering: if set.fields { Some(bench.colors(dims, 1, &scattering)?) } else { None },
+        seen: if set.fields { Some(bench.colors(dims, 1, &seen)?) } else { None },
         emission: None,
         emission_color: if set.fields { Some(bench.colors(dims, 1, &colors)?) } else { None },
         environment: if set.environment {

@@ -9,11 +9,11 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, AccumulateInputs, CoarsenInputs, EvaluateInputs, IlluminateInputs, InjectInputs, MarchInputs, PathInputs,
-    ProjectInputs, PropagateInputs, ReconstructInputs, ReduceInputs, RelightInputs, ShadeInputs, ShadowInputs,
-    SweepInputs, TraceInputs, UpsampleInputs,
+    self, AccumulateInputs, ClassifyInputs, CoarsenInputs, EvaluateInputs, IlluminateInputs, InjectInputs, MarchInputs,
+    PathInputs, ProjectInputs, PropagateInputs, ReconstructInputs, ReduceInputs, RelightInputs, ShadeInputs,
+    ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
 };
-use airlight_core::stage::{Inject, March, Stage};
+use airlight_core::stage::{Classify, ClassifyParams, Inject, March, Stage};
 use bytemuck::Pod;
 
 /// The backend, for a program to gather.
@@ -286,6 +286,7 @@ impl Toy {
                 let inputs = PathInputs {
                     density: self.field(s.density),
                     scattering: s.scattering.map(|f| self.field(f)),
+                    seen: s.seen.map(|f| self.field(f)),
                     emission: s.emission.map(|f| self.field(f)),
                     emission_color: s.emission_color.map(|f| self.field(f)),
                     environment: s.environment.map(|f| self.field(f)),
@@ -306,6 +307,10 @@ impl Toy {
                     emission_color: s.emission_color.map(|f| self.field(f)),
                 };
                 vec![("optics", reference::coarsen(&s.params, &inputs))]
+            }
+            Stage::Classify(s) => {
+                let inputs = ClassifyInputs { values: self.field(s.values), points: &self.records(s.points) };
+                vec![("classified", reference::classify(&s.params, &inputs))]
             }
             Stage::Illuminate(s) => {
                 let inputs = IlluminateInputs {
@@ -387,6 +392,12 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
             let ([x, y, ..], word) = (inject.params.dims, word as u32);
             let [i, j, k] = [word % x, word / x % y, word / x / y].map(|at| at / Inject::BRICK);
             (k * y.div_ceil(Inject::BRICK) + j) * x.div_ceil(Inject::BRICK) + i
+        }
+        // Packs of a slice's voxels.
+        Stage::Classify(classify) => {
+            let (ClassifyParams { dims: [x, y, ..], .. }, words) = (classify.params, classify.params.channels());
+            let (slice, voxel) = (x * y, word as u32 / words);
+            voxel / slice * stage.group() + voxel % slice / Classify::PACK
         }
         // Planes of a value a cell.
         Stage::Coarsen(_) | Stage::Illuminate(_) => word as u32 % stage.axis(),

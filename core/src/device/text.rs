@@ -8,12 +8,13 @@ use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
 use crate::stage::{
-    Accumulate, AccumulateParams, BlobRecord, CoarsenParams, EvaluateParams, FAR, IlluminateParams, Inject,
-    InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams, MaterialRecord, MeshRecord, Obstruct,
-    ObstructParams, Path, PathParams, PathRecord, PhaseParams, PhotonDirection, PhotonParams, Photons, Project,
-    ProjectParams, PropagateParams, ReconstructParams, Reduce, ReduceParams, RelightParams, ShadeParams, ShadowParams,
-    Stage, SweepDirection, SweepParams, TraceParams, Upsample, UpsampleParams, accumulate_mode, alone, inject_kind,
-    path_mode, photon_counter, photon_deposit, propagate::scheme, shadow_kind, surface_shadow,
+    Accumulate, AccumulateParams, BlobRecord, Classify, ClassifyParams, CoarsenParams, ControlRecord, EvaluateParams,
+    FAR, IlluminateParams, Inject, InjectParams, LightFace, LightPlace, LightRecord, March, MarchParams,
+    MaterialRecord, MeshRecord, Obstruct, ObstructParams, Path, PathParams, PathRecord, PhaseParams, PhotonDirection,
+    PhotonParams, Photons, Project, ProjectParams, PropagateParams, ReconstructParams, Reduce, ReduceParams,
+    RelightParams, ShadeParams, ShadowParams, Stage, SweepDirection, SweepParams, TraceParams, Upsample,
+    UpsampleParams, accumulate_mode, alone, classify_kind, inject_kind, path_mode, photon_counter, photon_deposit,
+    propagate::scheme, shadow_kind, surface_shadow,
 };
 
 /// A language of kernels.
@@ -84,6 +85,8 @@ pub enum Helper {
     View,
     /// Light that arrives at a point of a view ray.
     Light,
+    /// Light that is scattered as by a surface across the density's gradient.
+    Phong,
     /// Rays through a mesh.
     Mesh,
     /// Faces of the maps of lights.
@@ -102,7 +105,7 @@ pub enum Helper {
 
 impl Helper {
     /// Every helper.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Field,
         Self::Maximum,
         Self::Sample,
@@ -113,6 +116,7 @@ impl Helper {
         Self::Noise,
         Self::View,
         Self::Light,
+        Self::Phong,
         Self::Mesh,
         Self::Face,
         Self::Sky,
@@ -135,6 +139,7 @@ impl Helper {
             Self::Noise => "noise",
             Self::View => "view",
             Self::Light => "light",
+            Self::Phong => "phong",
             Self::Mesh => "mesh",
             Self::Face => "face",
             Self::Sky => "sky",
@@ -194,6 +199,7 @@ const MARCH: Recipe = Recipe {
         Helper::Harmonics,
         Helper::Segment,
         Helper::Light,
+        Helper::Phong,
         Helper::Mesh,
         Helper::Face,
         Helper::Sky,
@@ -296,6 +302,13 @@ const PHOTONS: Recipe = Recipe {
     helpers: &[Helper::Angle, Helper::Phase, Helper::Harmonics, Helper::Random, Helper::Walk, Helper::Bend],
 };
 
+const CLASSIFY: Recipe = Recipe {
+    params: ClassifyParams::NAME,
+    structs: &[ClassifyParams::text, ControlRecord::text],
+    per_field: &[],
+    helpers: &[],
+};
+
 impl Recipe {
     /// Of a stage's kernel.
     pub fn of(stage: &Stage) -> Self {
@@ -319,6 +332,7 @@ impl Recipe {
             Stage::Evaluate(_) => EVALUATE,
             Stage::Reconstruct(_) => RECONSTRUCT,
             Stage::Photons(_) => PHOTONS,
+            Stage::Classify(_) => CLASSIFY,
         }
     }
 
@@ -372,6 +386,11 @@ impl Recipe {
             ("DEPOSIT_TRACK", photon_deposit::TRACK),
             ("DEPOSIT_COLLISION", photon_deposit::COLLISION),
             ("DEPOSIT_ABSORPTION", photon_deposit::ABSORPTION),
+            ("PACK", Classify::PACK),
+            ("CLASSIFY_REACH", classify_kind::REACH),
+            ("CLASSIFY_COLOR", classify_kind::COLOR),
+            ("CLASSIFY_SCATTERING", classify_kind::SCATTERING),
+            ("CLASSIFY_SEEN", classify_kind::SEEN),
             ("HARMONICS_MAX", SphericalHarmonics::DEVICE_BANDS.pow(2)),
         ] {
             out += &language.integer(name, value);
@@ -384,6 +403,7 @@ impl Recipe {
             ("MESH_SLACK", MeshRecord::SLACK),
             ("MESH_MARGIN", MeshRecord::MARGIN),
             ("MARCH_RIM", March::RIM),
+            ("PHONG_FLAT", March::FLAT),
             ("UNMARCHED", March::UNMARCHED),
             ("UPSAMPLE_NEAR", Upsample::NEAR),
             ("UPSAMPLE_COSINE", Upsample::COSINE),

@@ -4,6 +4,7 @@
 
 mod basis_lights;
 mod direct;
+mod local;
 mod opacity;
 mod ordinates;
 mod records;
@@ -18,7 +19,7 @@ pub(crate) use transfer::Relit;
 
 use crate::device::{Buf, Field};
 use crate::exec::{Plan, RenderError};
-use crate::scene::Scene;
+use crate::scene::{Local, Scene};
 use crate::stage::{GridParams, LightRecord, MaterialRecord, MeshRecord};
 
 /// Y_0 of the spherical harmonics, 1/√4π.
@@ -31,6 +32,8 @@ pub struct MediumFields {
     pub density: Field,
     /// The density that scatters, ρs, of each channel, where it is not ρ.
     pub scattering: Option<Field>,
+    /// The density that the eye sees scatter, where that is not what scatters.
+    pub seen: Option<Field>,
     /// Emission.
     pub emission: EmissionSource,
     /// The lattice of all.
@@ -151,6 +154,8 @@ pub struct Sources {
     pub light_extinction: Option<Vec3>,
     /// Lights that are evaluated at every view sample.
     pub lights: Option<Lights>,
+    /// What takes the place of the phase function in light from them.
+    pub phong: Option<Local>,
 }
 
 /// Lights that are evaluated at every view sample.

@@ -1,5 +1,6 @@
 //! The density on the device: uploaded slice by slice, or made there.
 
+use super::classify::plan_classified;
 use super::plan::Plan;
 use crate::device::{Buf, Field, FieldFormat, FieldSpec};
 use crate::media::{DensitySource, FractalNoise, Gaussians, Medium};
@@ -37,6 +38,8 @@ pub(super) fn plan_density<'a>(medium: &'a dyn Medium, plan: &mut Plan<'a>) -> F
             made.base = Some(plan.upload_field("base density", spec, &grid.version(), slice));
             noise(detailed.noise(), inject_kind::DETAIL)
         }
+        // What is classified is planned with the fields of its optics.
+        DensitySource::Classified(classified) => return plan_classified(classified, [false; 2], plan).density,
     };
     let out = plan.work("injected density", lattice.voxels());
     let Made { base, blobs, starts, list } = made;

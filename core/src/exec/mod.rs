@@ -7,6 +7,7 @@
 
 mod anderson;
 mod apart;
+mod classify;
 mod density;
 mod error;
 mod executor;

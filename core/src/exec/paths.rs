@@ -197,6 +197,7 @@ fn plan_paths<'a>(
         params,
         density: medium.density,
         scattering: medium.scattering,
+        seen: medium.seen,
         emission: medium.emission.density(),
         emission_color: medium.emission.color(),
         environment,

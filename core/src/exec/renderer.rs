@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::apart::{Medium, plan_accumulate, plan_rims, plan_upsample};
+use super::classify::{Fields, plan_classified};
 use super::density::plan_density;
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
@@ -17,7 +18,7 @@ use crate::estimator::{
     Sources,
 };
 use crate::light::Environment;
-use crate::media::{OpticsField, OpticsFields};
+use crate::media::{DensitySource, OpticsField, OpticsFields};
 use crate::scene::{AllEstimate, EnvironmentEstimate, Film, Jitter, LightsEstimate, ScatteringEstimate, Scene};
 use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
 use crate::transfer::Transfer;
@@ -217,6 +218,7 @@ fn plan_frame<'a>(
     match &scene.estimate.lights {
         Some(LightsEstimate::Opacity(opacity)) => opacity.plan(scene, &medium, plan, &mut sources)?,
         Some(LightsEstimate::Direct(direct)) => direct.plan(scene, &medium, plan, &mut sources)?,
+        Some(LightsEstimate::Local(local)) => local.plan(scene, &medium, plan, &mut sources)?,
         None => (),
     }
     if let (Some(transfer), Some(AllEstimate::Transfer(options))) = (transfer, &scene.estimate.all) {
@@ -248,25 +250,33 @@ pub(super) fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Medium
     let medium = &scene.medium;
     let lattice = medium.lattice();
     let dims = lattice.dims().to_array();
-    let density = plan_density(medium.as_ref(), plan);
-    let OpticsFields { scattering, emission, emission_color } = medium.optics_fields();
-    let mut upload = |slot, format, field: Option<OpticsField<'a>>| {
-        let (field, spec) = (field?, FieldSpec { dims, layers: 1, format });
-        // What the medium needs to make a slice of it.
-        plan.host(spec.slice_bytes());
-        let version = field.version();
-        Some(plan.upload_field(slot, spec, &version, move |k, out| field.slice(k, out)))
-    };
     let (scatters, emits) = (scene.optics.albedo != glam::Vec3::ZERO, scene.optics.emits());
-    let scattering = upload("scattering", FieldFormat::Rgba, scattering.filter(|_| scatters));
-    let emission = emits.then(|| EmissionSource::On {
-        density: upload("emission density", FieldFormat::Scalar, emission),
-        color: upload("emission color", FieldFormat::Rgba, emission_color),
-    });
+    let fields = if let DensitySource::Classified(classified) = medium.source() {
+        plan_classified(classified, [scatters, emits], plan)
+    } else {
+        let density = plan_density(medium.as_ref(), plan);
+        let OpticsFields { scattering, emission, emission_color, seen } = medium.optics_fields();
+        let mut upload = |slot, format, field: Option<OpticsField<'a>>| {
+            let (field, spec) = (field?, FieldSpec { dims, layers: 1, format });
+            // What the medium needs to make a slice of it.
+            plan.host(spec.slice_bytes());
+            let version = field.version();
+            Some(plan.upload_field(slot, spec, &version, move |k, out| field.slice(k, out)))
+        };
+        Fields {
+            density,
+            scattering: upload("scattering", FieldFormat::Rgba, scattering.filter(|_| scatters)),
+            emission: upload("emission density", FieldFormat::Scalar, emission.filter(|_| emits)),
+            emission_color: upload("emission color", FieldFormat::Rgba, emission_color.filter(|_| emits)),
+            seen: upload("seen", FieldFormat::Rgba, seen.filter(|_| scatters)),
+        }
+    };
+    let emission = EmissionSource::On { density: fields.emission, color: fields.emission_color };
     MediumFields {
-        density,
-        scattering,
-        emission: emission.unwrap_or(EmissionSource::Off),
+        density: fields.density,
+        scattering: fields.scattering,
+        seen: fields.seen,
+        emission: if emits { emission } else { EmissionSource::Off },
         grid: GridParams::new(lattice),
         step: (scene.quality.step * medium.voxel()) as f32,
     }
@@ -398,6 +408,7 @@ fn plan_march<'a>(
             }
         };
     }
+    params.phong = sources.phong.map_or([0.0; 4], |l| [l.ambient, l.diffuse, l.specular, l.shininess]);
     let phase = PhaseParams::new(&optics.phase);
     (params.phase_kind, params.phase) = (phase.kind, phase.lobes);
     (params.phase_at, params.phase_size) = (tables.len() as u32, phase.table.len() as u32);
@@ -425,7 +436,7 @@ fn plan_march<'a>(
     let mut march = March {
         params,
         density: medium.density,
-        scattering: medium.scattering,
+        scattering: medium.seen.or(medium.scattering),
         emission: medium.emission.density(),
         emission_color: medium.emission.color(),
         in_scatter: sources.field.map(|source| source.field),

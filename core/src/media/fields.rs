@@ -49,4 +49,7 @@ pub struct OpticsFields<'a> {
     /// The same with a colour of its own: it stands for ρe in j, and is zero where ρe is. Four values a voxel: RGB and an
     /// unused one.
     pub emission_color: Option<OpticsField<'a>>,
+    /// The density that the eye sees scatter, no more than ρs: it stands for ρs where a ray of the eye's gathers what is
+    /// scattered toward it, and nowhere else. Four values a voxel: RGB and an unused one. Without it that is ρs.
+    pub seen: Option<OpticsField<'a>>,
 }

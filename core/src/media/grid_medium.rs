@@ -214,6 +214,7 @@ impl Medium for GridMedium {
             emission_color: self.temperature.as_ref().map(|temperature| {
                 OpticsField::new(self.emission_version, move |k, out| self.glow_slice(temperature, k, out))
             }),
+            seen: None,
         }
     }
 }

@@ -5,6 +5,7 @@
 //! medium has fields of their own for them ([`OpticsFields`]). Columns of ρ are scalars; colour enters at the exponential.
 
 mod bins;
+mod classified;
 mod fields;
 mod fog;
 mod gaussians;
@@ -14,10 +15,13 @@ mod lattice;
 mod noise;
 mod optics;
 mod phase;
+mod presets;
+mod transfer_function;
 
 use std::fmt::Debug;
 
 pub use bins::Bins;
+pub use classified::Classified;
 pub use fields::{OpticsField, OpticsFields};
 pub use fog::HeightFog;
 pub use gaussians::{Gaussian, Gaussians};
@@ -29,6 +33,8 @@ pub use optics::{Optics, OpticsError};
 #[cfg(test)]
 pub(crate) use phase::legendre;
 pub use phase::{Phase, PhaseError, PhaseTable};
+pub use presets::Preset;
+pub use transfer_function::{ControlPoint, TransferFunction, TransferFunctionError};
 
 use crate::Version;
 
@@ -59,6 +65,18 @@ pub enum MediumError {
     /// A density that no medium can have.
     #[error("density {value} at voxel ({x}, {y}, {z}); densities must be from 0 to {max:e}", max = LARGEST)]
     Density {
+        /// The offending value.
+        value: f32,
+        /// Index of the voxel.
+        x: i32,
+        /// See `x`.
+        y: i32,
+        /// See `x`.
+        z: i32,
+    },
+    /// A value to be classified that is none.
+    #[error("the value {value} at voxel ({x}, {y}, {z}) is not a finite number")]
+    NotFinite {
         /// The offending value.
         value: f32,
         /// Index of the voxel.
@@ -146,6 +164,8 @@ pub enum DensitySource<'a> {
     Noise(&'a Noise),
     /// The device multiplies a grid by noise.
     Detailed(&'a Detailed),
+    /// The device classifies values; it makes [`Medium::optics_fields`] in the same way.
+    Classified(&'a Classified),
 }
 
 /// A participating medium's density on its lattice.

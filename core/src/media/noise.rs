@@ -242,12 +242,13 @@ impl Medium for Detailed {
 
     fn optics_fields(&self) -> OpticsFields<'_> {
         let fields = self.grid.optics_fields();
-        let scattering = fields.scattering.map(|field| self.detailed(field));
+        let detailed = |field: Option<_>| field.map(|field| self.detailed(field));
+        let (scattering, seen) = (detailed(fields.scattering), detailed(fields.seen));
         if self.grid.has_emission() {
-            return OpticsFields { scattering, ..fields };
+            return OpticsFields { scattering, seen, ..fields };
         }
-        let shining = |field: Option<_>| field.map(|field| self.detailed(field));
-        OpticsFields { scattering, emission: shining(fields.emission), emission_color: shining(fields.emission_color) }
+        let (emission, emission_color) = (detailed(fields.emission), detailed(fields.emission_color));
+        OpticsFields { scattering, emission, emission_color, seen }
     }
 }
 

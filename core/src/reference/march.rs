@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::closed::{emission_absorption, transmittance};
 use super::lookup::{Samples, Steps, Tints, apply, phase, xyz};
 use super::mesh::nearest;
+use super::phong::{normal, phong};
 use super::shadow::{Face, face, face_count};
 use super::sky::sky;
 use crate::basis::{Basis, SphericalHarmonics};
@@ -232,7 +233,12 @@ fn direct(params: &MarchParams, inputs: &MarchInputs<'_>, at: DVec3, t: f64, d: 
             _ => 0.0,
         };
         let seen = visibility(params, inputs, light, xyz(params.mesh_eye) + t * d, toward, distance);
-        let arriving = xyz(light.power) * falloff * seen * phase(params.phase_kind, params.phase, table, toward.dot(d));
+        let scatters = if params.phong[3] > 0.0 {
+            phong(params, normal(params, density, at), toward, d)
+        } else {
+            phase(params.phase_kind, params.phase, table, toward.dot(d))
+        };
+        let arriving = xyz(light.power) * falloff * seen * scatters;
         sum += arriving * DVec3::from((xyz(params.light_extinction) * column).to_array().map(transmittance));
     }
     sum

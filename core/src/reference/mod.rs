@@ -7,6 +7,7 @@
 
 mod accumulate;
 pub mod brute;
+mod classify;
 pub mod closed;
 mod coarsen;
 mod evaluate;
@@ -18,6 +19,7 @@ mod march;
 mod mesh;
 mod obstruct;
 mod path;
+mod phong;
 mod project;
 mod propagate;
 mod reconstruct;
@@ -32,6 +34,7 @@ mod upsample;
 
 pub use accumulate::{AccumulateInputs, accumulate};
 pub use brute::{BruteForce, BruteSettings};
+pub use classify::{ClassifyInputs, classify};
 pub use coarsen::{CoarsenInputs, coarsen};
 pub use evaluate::{EvaluateInputs, evaluate};
 pub use illuminate::{IlluminateInputs, illuminate};

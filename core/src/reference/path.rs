@@ -19,6 +19,8 @@ pub struct PathInputs<'a> {
     pub density: &'a [f32],
     /// Density that scatters.
     pub scattering: Option<&'a [[f32; 4]]>,
+    /// Density that the eye's ray sees scatter, where it is another.
+    pub seen: Option<&'a [[f32; 4]]>,
     /// Emission density.
     pub emission: Option<&'a [f32]>,
     /// Emission density with a colour.
@@ -88,6 +90,7 @@ struct Collision {
     t: f64,
     extinction: DVec3,
     scattering: DVec3,
+    seen: DVec3,
     emission: DVec3,
 }
 
@@ -152,7 +155,7 @@ impl Tracer<'_> {
             let stopped = ratio.dot(at.extinction);
             self.found.stopped += stopped;
             self.found.stopped_at += stopped * at.t;
-            self.offer(ratio * at.scattering, Some(at.t), &mut total, &mut chosen);
+            self.offer(ratio * at.seen, Some(at.t), &mut total, &mut chosen);
             ratio = self.faint(ratio * (1.0 - at.extinction));
             if ratio == DVec3::ZERO {
                 break;
@@ -297,12 +300,14 @@ impl Tracer<'_> {
         let at = walk.origin + walk.t * walk.direction;
         let density = Samples::new(inputs.density, p.dims).trilinear(at);
         let scatters = Tints::new(inputs.scattering, inputs.density, p.dims).trilinear(at);
+        let seen = Tints::new(inputs.seen.or(inputs.scattering), inputs.density, p.dims).trilinear(at);
         let source = Tints::new(inputs.emission_color, inputs.emission.unwrap_or(inputs.density), p.dims).trilinear(at);
         let extinction = xyz(p.extinction) / rate;
         Collision {
             t: walk.t,
             extinction: (density * extinction).min(DVec3::ONE),
             scattering: scatters * extinction * xyz(p.albedo),
+            seen: seen * extinction * xyz(p.albedo),
             emission: source * xyz(p.emission) / rate,
         }
     }
@@ -526,6 +531,7 @@ mod tests {
         PathInputs {
             density: &[1.0],
             scattering: None,
+            seen: None,
             emission: None,
             emission_color: None,
             environment: None,

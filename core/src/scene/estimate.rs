@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use super::TransferEstimate;
 use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, Window, gram_error, healpix};
 use crate::media::Phase;
+use crate::scene::Material;
 
 /// One estimator for each source of first-order light, and one for all further orders; without one, that light is left
 /// out. Or one for all light and all orders.
@@ -116,6 +117,8 @@ pub enum LightsEstimate {
     Opacity(Opacity),
     /// Every light at every view sample.
     Direct(Direct),
+    /// Every light at every view sample, as a surface across the density's gradient sends it on.
+    Local(Local),
 }
 
 /// Estimators of light that was scattered before.
@@ -308,6 +311,42 @@ pub struct Direct {
     pub surface_shadow: SurfaceShadow,
 }
 
+/// Options of `local`: of light of irradiance E, J = E (ka/4π + max(n·l, 0) (kd/π + ks (m + 2)/2π cosᵐα)), with n against the
+/// density's gradient, as surfaces reflect it, and no shadow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Local {
+    /// ka, 0 to [`Local::MOST`]: 1 is an isotropic phase function, and all there is where the density is level.
+    pub ambient: f32,
+    /// kd, 0 to [`Local::MOST`].
+    pub diffuse: f32,
+    /// ks, 0 to [`Local::MOST`].
+    pub specular: f32,
+    /// m, 1 to [`Material::MAX_SHININESS`].
+    pub shininess: f32,
+}
+
+impl Default for Local {
+    fn default() -> Self {
+        Self { ambient: 1.0, diffuse: 0.8, specular: 0.04, shininess: 32.0 }
+    }
+}
+
+impl Local {
+    /// The largest reflectance: it stands for no surface, and 1 is no limit.
+    pub const MOST: f32 = 100.0;
+
+    fn validate(&self) -> Result<(), EstimateError> {
+        let within = |key, value: f32, low: f32, high: f32| {
+            let text = || format!("{key} = {value}; it must be from {low} to {high}");
+            if (low..=high).contains(&value) { Ok(()) } else { Err(EstimateError::Conflict(text())) }
+        };
+        within("ambient", self.ambient, 0.0, Self::MOST)?;
+        within("diffuse", self.diffuse, 0.0, Self::MOST)?;
+        within("specular", self.specular, 0.0, Self::MOST)?;
+        within("shininess", self.shininess, 1.0, Material::MAX_SHININESS)
+    }
+}
+
 /// How surfaces shadow analytic lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SurfaceShadow {
@@ -346,6 +385,7 @@ impl LightsEstimate {
         match self {
             Self::Opacity(opacity) => opacity.surface_shadow,
             Self::Direct(direct) => direct.surface_shadow,
+            Self::Local(_) => SurfaceShadow::None,
         }
     }
 }
@@ -528,6 +568,9 @@ impl Estimate {
         }
         if let Some(LightsEstimate::Opacity(opacity)) = &self.lights {
             range("cells", opacity.cells, Opacity::MAX_CELLS)?;
+        }
+        if let Some(LightsEstimate::Local(local)) = &self.lights {
+            local.validate()?;
         }
         if let Some(ScatteringEstimate::Sweeps(sweeps)) = &self.scattering {
             sweeps.validate(phase)?;

@@ -195,6 +195,7 @@ impl LightsEstimate {
         match self {
             Self::Opacity(opacity) => opacity.scheme == Scheme::ShortCharacteristics,
             Self::Direct(direct) => direct.shadow != Shadow::None,
+            Self::Local(_) => false,
         }
     }
 }

@@ -3,8 +3,8 @@
 use bytemuck::Zeroable;
 
 use super::{
-    Accumulate, Coarsen, Evaluate, Illuminate, Inject, March, Obstruct, Path, Photons, Project, Propagate, Reconstruct,
-    Reduce, Relight, Shade, Shadow, Stage, Sweep, Trace, Upsample,
+    Accumulate, Classify, Coarsen, Evaluate, Illuminate, Inject, March, Obstruct, Path, Photons, Project, Propagate,
+    Reconstruct, Reduce, Relight, Shade, Shadow, Stage, Sweep, Trace, Upsample,
 };
 use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 
@@ -143,6 +143,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             params: Zeroable::zeroed(),
             density: scalar(0),
             scattering: full.then(|| field(1, FieldFormat::Rgba)),
+            seen: full.then(|| field(13, FieldFormat::Rgba)),
             emission: full.then(|| scalar(2)),
             emission_color: full.then(|| field(3, FieldFormat::Rgba)),
             environment: full.then(|| field(4, FieldFormat::Rgba)),
@@ -183,5 +184,6 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             deposits: buf(7),
             counters: buf(8),
         }),
+        Stage::Classify(Classify { params: Zeroable::zeroed(), values: scalar(0), points: buf(1), out: buf(2) }),
     ]
 }

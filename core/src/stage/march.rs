@@ -14,6 +14,11 @@
 //! medium's own shadow: exp(-`light_extinction` · column), the column marched, or trilinear from `light_depth`. Surfaces shadow them
 //! by a ray through `mesh`, or by four comparisons with `shadow_map` that are interpolated. Space that `occupancy` shows empty is stepped over without moving a sample.
 //!
+//! With `phong`, ambient ka, diffuse kd, specular ks and shininess m, a light's phase function gives way to what a surface would
+//! send on: ka/4π + max(n·l, 0) (kd/π + ks (m + 2)/2π max(r·v, 0)ᵐ), 1/sr, with l toward the light, r its mirror image, v toward the
+//! eye, and n the unit vector against the density's gradient, from central differences over a voxel along each axis of the lattice. It
+//! is zero where the density changes by no more than [`March::FLAT`] of itself.
+//!
 //! Behind the medium lie, each times T: the surface's radiance where there is one, else the visible environment.
 //!
 //! The film is two vectors a pixel: premultiplied RGB and alpha = 1 - mean T; transmittance RGB and the mean
@@ -72,6 +77,9 @@ kernel_struct! {
         emission: F32x4,
         /// Parameters of the phase function.
         phase: F32x4,
+        /// Light from lights as a surface sends it on, in place of the phase function: ambient, diffuse and specular reflectance,
+        /// and shininess, which is 0 where the phase function stands.
+        phong: F32x4,
         /// Multiplies the environment, RGB; its rotation in turns.
         environment: F32x4,
         /// Texels of the environment's field along x, y, z; unused.
@@ -247,6 +255,9 @@ impl March {
     /// Of two surfaces with a rim between them, the nearer is nearer than this part of the farther: where
     /// [`Upsample`](crate::stage::Upsample) begins to tell them apart.
     pub const RIM: f32 = 0.95;
+    /// The part of the density around a point by which it must change over two voxels to have a normal: what f32 loses is far
+    /// less.
+    pub const FLAT: f32 = 1e-5;
     /// What stands in place of a surface's distance where nothing was marched.
     pub const UNMARCHED: f32 = -1.0;
 
@@ -417,6 +428,7 @@ impl Kernel for March {
         if p.lights > 0 && p.surface_shadow == surface_shadow::RAY {
             holds(self.mesh.unwrap_or(Buf::new(ResourceId(0), 0)), p.nodes)?;
         }
+        require!(p.phong.iter().all(|k| k.is_finite() && *k >= 0.0), "reflectances and shininess {:?}", p.phong);
         if p.phase_kind == PhaseParams::TABLE {
             require!(p.phase_size >= 2, "a phase table of {} entries", p.phase_size);
             table = table.max(u64::from(p.phase_at) + u64::from(p.phase_size));

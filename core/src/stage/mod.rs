@@ -5,6 +5,7 @@
 //! kernels of the same name in every backend compute it, and `crate::reference` has a slow twin in f64.
 
 mod accumulate;
+mod classify;
 mod coarsen;
 mod evaluate;
 mod examples;
@@ -29,6 +30,7 @@ mod trace;
 mod upsample;
 
 pub use accumulate::{Accumulate, AccumulateParams, mode as accumulate_mode};
+pub use classify::{Classify, ClassifyParams, ControlRecord, classify_kind};
 pub use coarsen::{Coarsen, CoarsenParams};
 pub use evaluate::{Evaluate, EvaluateParams};
 pub use examples::examples;
@@ -139,6 +141,8 @@ pub enum Stage {
     Reconstruct(Reconstruct),
     /// Light that the medium scatters, on the cells of a coarse grid, for many lights at once.
     Photons(Photons),
+    /// What the values of a grid mean.
+    Classify(Classify),
 }
 
 macro_rules! each {
@@ -163,6 +167,7 @@ macro_rules! each {
             Stage::Evaluate($stage) => $value,
             Stage::Reconstruct($stage) => $value,
             Stage::Photons($stage) => $value,
+            Stage::Classify($stage) => $value,
         }
     };
 }
@@ -173,7 +178,7 @@ fn name_of<K: Kernel>(_: &K) -> &'static str {
 
 impl Stage {
     /// The names of all stages.
-    pub const NAMES: [&'static str; 19] = [
+    pub const NAMES: [&'static str; 20] = [
         Reduce::NAME,
         Project::NAME,
         Propagate::NAME,
@@ -193,6 +198,7 @@ impl Stage {
         Evaluate::NAME,
         Reconstruct::NAME,
         Photons::NAME,
+        Classify::NAME,
     ];
 
     /// Name of the stage and of its kernel files.
@@ -253,6 +259,7 @@ impl Stage {
             Self::Evaluate(stage) => stage.passes(turns)?.into_iter().map(Self::Evaluate).collect(),
             Self::Reconstruct(stage) => stage.passes(turns)?.into_iter().map(Self::Reconstruct).collect(),
             Self::Photons(stage) => stage.passes(turns)?.into_iter().map(Self::Photons).collect(),
+            Self::Classify(stage) => stage.passes(turns)?.into_iter().map(Self::Classify).collect(),
         })
     }
 

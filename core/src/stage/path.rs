@@ -31,7 +31,7 @@
 
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
-use crate::stage::grid::{covers, is_medium};
+use crate::stage::grid::{covers, is_color, is_medium};
 use crate::stage::trace::holds;
 use crate::stage::upsample::is_sky;
 use crate::stage::{Kernel, LightRecord, MeshRecord, PhaseParams, require};
@@ -179,6 +179,8 @@ pub struct Path {
     pub density: Field,
     /// The density that scatters, ρs, RGB; unused; where it is not ρ.
     pub scattering: Option<Field>,
+    /// The density that the eye's ray sees scatter, RGB; unused; where it is not ρs: of the weights of its places to scatter at.
+    pub seen: Option<Field>,
     /// Emission density ρe, where it is not ρ.
     pub emission: Option<Field>,
     /// Emission density with a colour, RGB; unused; in place of ρe.
@@ -235,6 +237,7 @@ impl Kernel for Path {
         vec![
             Binding::sample("density", FieldFormat::Scalar, Some(self.density)),
             Binding::sample("scattering", FieldFormat::Rgba, self.scattering),
+            Binding::sample("seen_scattering", FieldFormat::Rgba, self.seen),
             Binding::sample("emission_density", FieldFormat::Scalar, self.emission),
             Binding::sample("emission_color", FieldFormat::Rgba, self.emission_color),
             Binding::sample("environment", FieldFormat::Rgba, self.environment),
@@ -256,6 +259,7 @@ impl Kernel for Path {
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
         is_medium(&self.density, self.scattering, self.emission, self.emission_color, p.dims)?;
+        require!(self.seen.is_none_or(|f| is_color(&f, p.dims)), "what the eye sees scatter differs from the density");
         let pixels = u64::from(self.axis());
         require!(pixels > 0, "a picture of {} × {}, none or too large", p.width, p.height);
         require!(
@@ -334,6 +338,7 @@ mod tests {
             params,
             density: Field { id: ResourceId(0), spec },
             scattering: None,
+            seen: None,
             emission: None,
             emission_color: None,
             environment: None,

@@ -3,8 +3,8 @@
 use airlight_core::basis::Window;
 use airlight_core::scene::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
-    LightsEstimate, Opacity, Orders, Path, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow,
-    Sweeps,
+    LightsEstimate, Local, Material, Opacity, Orders, Path, Quality, Records, ScatteringEstimate, Scheme, Shadow,
+    Solver, SurfaceShadow, Sweeps,
 };
 
 use super::error::Fault;
@@ -29,6 +29,7 @@ const RECORDS: (&str, &[&str]) = (
 );
 const OPACITY: (&str, &[&str]) = ("opacity", &["cells", "scheme", "surface_shadow"]);
 const DIRECT: (&str, &[&str]) = ("direct", &["shadow", "surface_shadow"]);
+const LOCAL: (&str, &[&str]) = ("local", &["ambient", "diffuse", "specular", "shininess"]);
 const SWEEPS: (&str, &[&str]) = ("sweeps", &["cells", "bands", "directions", "orders", "tolerance"]);
 const PATH: (&str, &[&str]) = ("path", &["samples", "max_depth", "time_limit", "noise"]);
 
@@ -180,7 +181,7 @@ fn lights(field: &Field<'_>) -> Result<Option<LightsEstimate>, Fault> {
     if field.is_none() {
         return Ok(None);
     }
-    let (kind, table) = field.kinds(Some("opacity"), &[OPACITY, DIRECT, NONE])?;
+    let (kind, table) = field.kinds(Some("opacity"), &[OPACITY, DIRECT, LOCAL, NONE])?;
     Ok(match kind {
         "opacity" => {
             let default = Opacity::default();
@@ -205,6 +206,19 @@ fn lights(field: &Field<'_>) -> Result<Option<LightsEstimate>, Fault> {
             Some(LightsEstimate::Direct(Direct {
                 shadow: table.or("shadow", default.shadow, |f| f.choice(&shadows))?,
                 surface_shadow: table.or("surface_shadow", default.surface_shadow, |f| surface_shadow(&f))?,
+            }))
+        }
+        "local" => {
+            let default = Local::default();
+            let number = |key, default: f32, low: f32, high: f32| {
+                let within = |v: f64| (f64::from(low)..=f64::from(high)).contains(&v);
+                table.or(key, default, |f| f.number_where(&format!("from {low} to {high}"), within).map(|v| v as f32))
+            };
+            Some(LightsEstimate::Local(Local {
+                ambient: number("ambient", default.ambient, 0.0, Local::MOST)?,
+                diffuse: number("diffuse", default.diffuse, 0.0, Local::MOST)?,
+                specular: number("specular", default.specular, 0.0, Local::MOST)?,
+                shininess: number("shininess", default.shininess, 1.0, Material::MAX_SHININESS)?,
             }))
         }
         _ => None,

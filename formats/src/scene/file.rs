@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airlight_core::light::Environment;
-use airlight_core::media::Medium;
+use airlight_core::media::{Classified, Medium};
 use airlight_core::scene::{Background, Mesh, SceneError};
 use airlight_core::transfer::Transfer;
 
@@ -45,6 +45,8 @@ pub(super) struct Kept {
     /// Whether the file of a transfer is read.
     pub(super) reads_transfer: bool,
     pub(super) medium: Slot<Arc<dyn Medium>>,
+    /// Of a medium that is classified, as the last frame had it.
+    pub(super) values: Slot<Classified>,
     pub(super) environment: Slot<Environment>,
     pub(super) background: Slot<Background>,
     pub(super) surfaces: Slot<(Arc<Mesh>, Vec<LoadedSurface>)>,
@@ -55,6 +57,7 @@ impl Default for Kept {
     fn default() -> Self {
         Self {
             reads_transfer: true,
+            values: Slot::default(),
             medium: Slot::default(),
             environment: Slot::default(),
             background: Slot::default(),
@@ -105,6 +108,15 @@ impl<T: Clone> Slot<T> {
         files.extend_from_slice(&part.files);
         warnings.extend_from_slice(&part.warnings);
         Ok(part.value.clone())
+    }
+}
+
+impl<T> Slot<T> {
+    /// Keeps a value in place of what was read by the same keys.
+    pub(super) fn put(&mut self, value: T) {
+        if let Some(part) = &mut self.0 {
+            part.value = value;
+        }
     }
 }
 

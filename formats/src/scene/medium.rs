@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airlight_core::media::{
-    Detailed, FractalNoise, Grid, Homogeneous, IndexBox, Lattice, Medium, MediumError, Optics, Phase, PhaseTable,
+    Classified, Detailed, FractalNoise, Grid, Homogeneous, IndexBox, Lattice, Medium, MediumError, Optics, Phase,
+    PhaseTable,
 };
 use glam::{DAffine3, DVec3, Vec3};
 
+use super::classify::{self, Values};
 use super::described::{self, Described};
 use super::error::Fault;
 use super::file::Slot;
@@ -34,6 +36,13 @@ const PHASES: &[(&str, &[&str])] = &[
 
 /// Where the density comes from.
 enum Source<'a> {
+    /// From values that stay where their meaning changes.
+    Values(Values<'a>),
+    Whole(Whole<'a>),
+}
+
+/// A medium that is kept, or made anew as a whole.
+enum Whole<'a> {
     Homogeneous {
         density: f32,
         bounds: Field<'a>,
@@ -78,10 +87,10 @@ pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
             let bounds = table.require("bounds", "bounds = [[0, 0, 0], [1, 1, 1]]")?;
             bounds.bounds()?;
             let density = table.or("density", 1.0, |f| f.number_where("at least 0", |v| v >= 0.0))?;
-            Source::Homogeneous { density: density as f32, bounds }
+            Source::Whole(Whole::Homogeneous { density: density as f32, bounds })
         }
         "grid" => grid_source(&table)?,
-        other => Source::Described(Described::parse(other, &table)?),
+        other => Source::Whole(Whole::Described(Described::parse(other, &table)?)),
     };
     Ok(Plan { optics, keys: table.without(OPTICS), source })
 }
@@ -89,12 +98,14 @@ pub(super) fn parse<'a>(root: &Table<'a>) -> Result<Plan<'a>, Fault> {
 fn grid_source<'a>(table: &Table<'a>) -> Result<Source<'a>, Fault> {
     let file = table.require("file", "file = \"cloud.vdb\"")?;
     file.text()?;
-    table.not_built("transfer_function", "densities are taken as the file has them")?;
-    let grids = Grids::parse(table)?;
     let name = table.get("grid").map(|f| f.text()).transpose()?;
     let bounds = table.get("bounds").map(|f| f.bounds()).transpose()?;
+    if let Some(function) = classify::transfer_function(table)? {
+        return Ok(Source::Values(Values { file, name, bounds, function }));
+    }
+    let grids = Grids::parse(table)?;
     let detail = table.wanted("noise").map(|f| described::detail(&f)).transpose()?;
-    Ok(Source::Grid { file, name, bounds, grids, detail })
+    Ok(Source::Whole(Whole::Grid { file, name, bounds, grids, detail }))
 }
 
 fn optics(table: &Table<'_>) -> Result<Optics, Fault> {
@@ -147,37 +158,34 @@ impl Plan<'_> {
         &self,
         folder: &Path,
         read: ReadVolume<'_>,
-        kept: &mut Slot<Arc<dyn Medium>>,
+        (kept, values): (&mut Slot<Arc<dyn Medium>>, &mut Slot<Classified>),
         files: &mut Vec<PathBuf>,
     ) -> Result<Arc<dyn Medium>, Fault> {
-        kept.get(self.keys.clone(), files, &mut Vec::new(), |files, _| self.read(folder, read, files))
+        let source = match &self.source {
+            Source::Values(medium) => {
+                let keys = self.keys.iter().filter(|e| e.key != "transfer_function").cloned().collect();
+                return medium.load(folder, read, (values, keys), files);
+            }
+            Source::Whole(source) => source,
+        };
+        kept.get(self.keys.clone(), files, &mut Vec::new(), |files, _| source.read(folder, read, files))
     }
+}
 
+impl Whole<'_> {
     fn read(&self, folder: &Path, read: ReadVolume<'_>, files: &mut Vec<PathBuf>) -> Result<Arc<dyn Medium>, Fault> {
-        match &self.source {
-            Source::Homogeneous { density, bounds } => {
+        match self {
+            Self::Homogeneous { density, bounds } => {
                 let (min, max) = bounds.bounds()?;
                 Ok(Arc::new(Homogeneous::new(*density, min, max).map_err(|e| bounds.from(e))?))
             }
-            Source::Described(described) => described.load(folder, files),
-            Source::Grid { file, name, bounds, grids, detail } => {
-                let path = folder.join(file.text()?);
-                let density = read(&path, *name).map_err(|e| file.from(e))?;
-                files.push(path.clone());
+            Self::Described(described) => described.load(folder, files),
+            Self::Grid { file, name, bounds, grids, detail } => {
+                let (density, path) = volume(folder, read, file, *name, files)?;
                 let grid =
                     |key: &Field<'_>| read(&path, Some(key.text()?)).map(|volume| volume.grid).map_err(|e| key.from(e));
                 let reaching = grids.reaching(&grid)?;
-                let map = match bounds {
-                    Some(bounds) => {
-                        let map = refit(&density.grid, reaching.window(&density.grid), *bounds);
-                        Some(map.map_err(|e| file.from(grids::told_of(&path, e)))?)
-                    }
-                    None if !density.placed => {
-                        let what = "does not say where its box lies; give bounds = [[x, y, z], [x, y, z]] in metres";
-                        return Err(file.from(format!("{} {what}", path.display())));
-                    }
-                    None => None,
-                };
+                let map = placed(file, &path, &density, reaching.window(&density.grid), *bounds)?;
                 let medium = Arc::new(grids.medium((file, &path), (density.grid, reaching), map, &grid)?);
                 Ok(match detail {
                     Some(noise) => Arc::new(Detailed::new(medium, *noise)),
@@ -185,6 +193,38 @@ impl Plan<'_> {
                 })
             }
         }
+    }
+}
+
+/// Reads the grid that a scene names first, and its path.
+pub(super) fn volume(
+    folder: &Path,
+    read: ReadVolume<'_>,
+    file: &Field<'_>,
+    name: Option<&str>,
+    files: &mut Vec<PathBuf>,
+) -> Result<(Volume, PathBuf), Fault> {
+    let path = folder.join(file.text()?);
+    let volume = read(&path, name).map_err(|e| file.from(e))?;
+    files.push(path.clone());
+    Ok((volume, path))
+}
+
+/// The map of the world that takes the box of a volume's `window` to where the scene has it; none where it lies already.
+pub(super) fn placed(
+    file: &Field<'_>,
+    path: &Path,
+    volume: &Volume,
+    window: IndexBox,
+    bounds: Option<(DVec3, DVec3)>,
+) -> Result<Option<DAffine3>, Fault> {
+    match bounds {
+        Some(bounds) => refit(&volume.grid, window, bounds).map(Some).map_err(|e| file.from(grids::told_of(path, e))),
+        None if !volume.placed => {
+            let what = "does not say where its box lies; give bounds = [[x, y, z], [x, y, z]] in metres";
+            Err(file.from(format!("{} {what}", path.display())))
+        }
+        None => Ok(None),
     }
 }
 

@@ -7,6 +7,7 @@
 mod animation;
 mod background;
 mod camera;
+mod classify;
 mod described;
 mod error;
 mod estimate;
@@ -168,7 +169,7 @@ fn build(root: &Node, frame: u32, folder: &Path, read: ReadVolume<'_>, kept: &mu
         environment: environment
             .map(|e| e.load(folder, &mut kept.environment, &mut files, &mut warnings))
             .transpose()?,
-        medium: medium.load(folder, read, &mut kept.medium, &mut files)?,
+        medium: medium.load(folder, read, (&mut kept.medium, &mut kept.values), &mut files)?,
         background,
         surfaces: mesh,
         frame,

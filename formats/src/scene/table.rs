@@ -93,11 +93,6 @@ impl<'a> Table<'a> {
         self.get(key).map_or(Ok(default), read)
     }
 
-    /// Refuses `key` unless its value asks for nothing.
-    pub(super) fn not_built(&self, key: &str, instead: &str) -> Result<(), Fault> {
-        self.asked(key).map_or(Ok(()), |field| Err(field.pending(instead)))
-    }
-
     /// Refuses a table that has both keys.
     pub(super) fn exclusive(&self, a: &str, b: &str) -> Result<(), Fault> {
         match (self.get(a), self.get(b)) {
@@ -163,6 +158,11 @@ impl<'a> Field<'a> {
             Value::Table(t) => t.is_empty(),
             _ => self.is_none(),
         }
+    }
+
+    /// Whether the value is a table.
+    pub(super) fn is_table(&self) -> bool {
+        matches!(self.node.value, Value::Table(_))
     }
 
     fn expected(&self, what: &str) -> Fault {

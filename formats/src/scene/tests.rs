@@ -18,6 +18,7 @@ use crate::FormatError;
 use crate::volume::Volume;
 
 mod animation;
+mod classify;
 mod described;
 mod grids;
 mod refusals;
