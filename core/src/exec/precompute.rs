@@ -144,9 +144,14 @@ impl Renderer {
         let bytes = [matrices, Matrices::workspace(rows.len() as u64), planes, deposits, lights]
             .into_iter()
             .fold(0, u64::saturating_add);
-        let together = if grey { TOGETHER as u32 } else { 1 };
-        let batches = functions.div_ceil(together);
+        let batches =
+            functions.div_ceil(if Self::alike(scene, options, channels as u32) { TOGETHER as u32 } else { 1 });
         Ok(Survey { cells, rows, functions, bands, channels: channels as u32, batches, bytes })
+    }
+
+    /// Whether what is carried along sweeps is the same in all channels: as many lights go together.
+    fn alike(scene: &Scene, options: &Precompute, channels: u32) -> bool {
+        channels == 1 || (carried(options).orders == Orders::Count(1) && scene.optics.is_grey())
     }
 
     /// Makes the transfer of a scene's medium. Camera, lights and environment do not matter.
@@ -219,23 +224,16 @@ impl Renderer {
         channels: &mut [Matrices],
         hooks: &mut Hooks<'_>,
     ) -> Result<f64, RenderError> {
-        let sweeps = match options.solver {
-            TransferSolver::Ordinates { directions } => {
-                Sweeps { cells: options.cells, bands: options.bands, directions, orders: options.orders }
-            }
-            TransferSolver::Photons { .. } => {
-                Sweeps { cells: options.cells, bands: options.bands, directions: 12, orders: Orders::Count(1) }
-            }
-        };
+        let sweeps = carried(options);
         let cells: usize = survey.cells.iter().map(|&n| n as usize).product();
         let functions = survey.functions as usize;
-        let grey = survey.channels == 1;
+        let alike = Self::alike(scene, options, survey.channels);
         let mut residual = 0.0f64;
         for number in 0..survey.batches as usize {
             cancelled(hooks)?;
             report(hooks, "transfer", number as f32 / survey.batches as f32);
             let function = |channel: usize| {
-                Some(if grey { TOGETHER * number + channel } else { number }).filter(|&k| k < functions)
+                Some(if alike { TOGETHER * number + channel } else { number }).filter(|&k| k < functions)
             };
             let batch = Batch { number, functions: [0, 1, 2].map(function) };
             let mut inner = Hooks { progress: None, cancel: hooks.cancel };
@@ -248,14 +246,24 @@ impl Renderer {
             for (plane, values) in moments.chunks_exact(cells).enumerate() {
                 let (j, of) = (plane / TOGETHER, plane % TOGETHER);
                 let Some(k) = batch.functions[of] else { continue };
-                let matrices = &mut channels[if grey { 0 } else { of }];
-                let width = matrices.width;
-                for (row, &cell) in survey.rows.iter().enumerate() {
-                    matrices.values[row * width + j * functions + k] = values[cell as usize];
+                let into = if alike { &mut channels[..] } else { &mut channels[of..=of] };
+                for Matrices { width, values: into } in into {
+                    for (row, &cell) in survey.rows.iter().enumerate() {
+                        into[row * *width + j * functions + k] = values[cell as usize];
+                    }
                 }
             }
         }
         Ok(residual)
+    }
+}
+
+/// What is carried along sweeps: all orders of scattering, or light as it comes in where photons bring the others.
+fn carried(options: &Precompute) -> Sweeps {
+    let Precompute { cells, bands, orders, .. } = *options;
+    match options.solver {
+        TransferSolver::Ordinates { directions } => Sweeps { cells, bands, directions, orders },
+        TransferSolver::Photons { .. } => Sweeps { cells, bands, directions: 12, orders: Orders::Count(1) },
     }
 }
 
