@@ -220,6 +220,29 @@ tolerances! {
     MULTIPLE_FORWARD { 4e-2, f64::INFINITY,
         "Three bands hold an eighth of the phase function's peak as light that goes on; the rest as [`MULTIPLE_SKY`]." }
 
+    /// Unscattered light of a transfer against the reference's, which has the same six bands.
+    TRANSFER_DIRECT { 1e-2, f64::INFINITY,
+        "What is asked of single scattering. Cells of one and a half voxels are interpolated, which costs half a percent; sweeps \
+         blur light across its direction by as much." }
+
+    /// All orders of a transfer against the reference's, in few bands and on a coarse grid.
+    TRANSFER_SKY { 2e-2, f64::INFINITY,
+        "Six bands hold the sky but for half a percent of its picture. Cells of three voxels cost up to two percent at the rim \
+         of the cloud; the published figures are of finer grids and more functions (docs/transfers.md)." }
+
+    /// Photons against ordinates.
+    TRANSFER_PHOTONS { 2e-2, f64::INFINITY,
+        "Noise of some thousand photons a cell, about a percent where they deposit around collisions, whose kernel of four cells \
+         also blurs the field; ordinates are off by their bands." }
+
+    /// Clusters against all matrices.
+    TRANSFER_COMPRESSED { 1e-2, f64::INFINITY, "What is asked of 128 clusters on a large grid; here there are as many rows a cluster." }
+
+    /// Toward the eye from each cell against along each ray.
+    TRANSFER_VIEWS { 1e-2, f64::INFINITY,
+        "A cell is a twelfth of a box that fills a third of the picture: directions within it differ by a degree, and so do functions \
+         of three bands." }
+
     /// Coefficients of the environment against the reference's; the largest is of the order of one.
     ENVIRONMENT_COEFFICIENTS { 1e-4, 1e-4,
         "The reference's were summed over an eight times finer grid in f64." }
