@@ -1,6 +1,7 @@
 //! Single stages on resources of their own.
 
 mod path;
+mod photons;
 
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
@@ -29,7 +30,7 @@ pub(crate) const BANDS: u32 = 3;
 pub(crate) const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 16] = [
+pub const STAGES: [&str; 17] = [
     "inject",
     "reduce",
     "project",
@@ -46,6 +47,7 @@ pub const STAGES: [&str; 16] = [
     "sweep",
     "obstruct",
     "path",
+    "photons",
 ];
 
 /// A ray of the view, in index space.
@@ -177,6 +179,7 @@ impl Rig {
             "sweep" => (self.sweep(), "cells"),
             "obstruct" => (self.obstruct(), "cells"),
             "path" => (self.path(view), "paths"),
+            "photons" => (self.photons(), "photons"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };

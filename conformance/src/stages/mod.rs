@@ -8,6 +8,8 @@ mod march;
 mod march_cases;
 mod obstruct;
 mod path;
+mod photon_cases;
+mod photons;
 mod project;
 mod propagate;
 mod reduce;
@@ -41,6 +43,7 @@ pub(crate) fn cases() -> Vec<Case> {
         sweep::cases(),
         obstruct::cases(),
         path::cases(),
+        photons::cases(),
     ];
     all.into_iter().flatten().collect()
 }

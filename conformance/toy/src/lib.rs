@@ -9,10 +9,11 @@ use airlight_core::device::{
     StageTime, Unavailable,
 };
 use airlight_core::reference::{
-    self, AccumulateInputs, CoarsenInputs, IlluminateInputs, InjectInputs, MarchInputs, PathInputs, ProjectInputs,
-    PropagateInputs, ReduceInputs, RelightInputs, ShadeInputs, ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
+    self, AccumulateInputs, CoarsenInputs, IlluminateInputs, InjectInputs, MarchInputs, PathInputs, PhotonInputs,
+    ProjectInputs, PropagateInputs, ReduceInputs, RelightInputs, ShadeInputs, ShadowInputs, SweepInputs, TraceInputs,
+    UpsampleInputs,
 };
-use airlight_core::stage::{Inject, March, Stage};
+use airlight_core::stage::{Inject, March, Photons, Stage};
 use bytemuck::Pod;
 
 /// The backend, for a program to gather.
@@ -156,6 +157,9 @@ impl Toy {
 
     /// Writes what a range of a stage writes. Twins compute a stage whole, so the pieces of one share its result.
     fn run(&mut self, stage: &Stage, range: &Range<u32>) {
+        if let Stage::Photons(photons) = stage {
+            return self.add(photons, range.clone());
+        }
         let whole = match self.last.take() {
             Some((last, whole)) if last == *stage => whole,
             _ => self.twin(stage),
@@ -171,6 +175,26 @@ impl Toy {
             }
         }
         self.last = Some((stage.clone(), whole));
+    }
+
+    /// Adds what photons leave, which is integers, to what is there.
+    fn add(&mut self, s: &Photons, range: Range<u32>) {
+        self.last = None;
+        let inputs = PhotonInputs {
+            density: self.field(s.density),
+            scattering: s.scattering.map(|f| self.field(f)),
+            majorant: self.buffer(s.majorant),
+            tables: self.buffer(s.tables),
+            directions: &self.records(s.directions),
+            weights: self.buffer(s.weights),
+            rows: self.buffer(s.rows),
+        };
+        let (deposits, counters) = reference::photons(&s.params, &inputs, range);
+        for (id, more) in [(s.deposits.id, deposits), (s.counters.id, counters.map(i64::from).to_vec())] {
+            let Some(output) = self.memory.get_mut(&id) else { continue };
+            let sums: &mut [i32] = bytemuck::cast_slice_mut(&mut output.words);
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum = sum.wrapping_add(more as i32));
+        }
     }
 
     /// All that a stage writes. Each pass of a stage that runs in passes leaves all up to its end, so that the last one
@@ -330,6 +354,8 @@ impl Toy {
                 let words = reference::obstruct(&s.params, &self.records(s.mesh));
                 vec![("obstructed", words.into_iter().map(|word| f32::from_bits(word).into()).collect())]
             }
+            // Theirs is added.
+            Stage::Photons(_) => Vec::new(),
         }
     }
 
@@ -381,7 +407,8 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
         | Stage::Trace(_)
         | Stage::Shade(_)
         | Stage::Shadow(_)
-        | Stage::Path(_) => {
+        | Stage::Path(_)
+        | Stage::Photons(_) => {
             let part = output.part.unwrap_or(u64::MAX) / 4 / u64::from(stage.group());
             (word as u64 / part) as u32
         }
