@@ -60,6 +60,16 @@ tolerances! {
          place, a density and a cosine: of up to two scatterings and a light beside them 10⁻⁵ is left, more on a glossy wall and \
          where a light falls off. What parts by more than 5·10⁻⁴ counts as another path." }
 
+    /// Light that photons leave that take the same decisions as their twins.
+    PHOTONS { 2e-4, 2e-3,
+        "Values are integers of some hundred to some ten thousand, rounded by the same draws: places and directions after up to four \
+         scatterings are off by 10⁻⁵, which moves lengths within cells by as much and a few integers by one." }
+
+    /// Light that a hundred thousand photons leave, against integrals or other photons.
+    PHOTON_NOISE { 0.025, 0.05,
+        "A cell is crossed by some ten thousand of a hundred thousand photons, whose lengths within it differ by as much as \
+         their mean, and so do moments of a sign with what cancels: 1 to 2 %. Integrals over points and directions add a few thousandths." }
+
     /// Where rays meet triangles.
     HITS { 1e-5, 1e-4,
         "Places of corners and of the eye, good to 2⁻²⁴ of some metres, a dot product of three terms, and a quotient of \
