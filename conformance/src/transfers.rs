@@ -12,12 +12,13 @@ use airlight::scene::{
     AllEstimate, Deposit, Estimate, LightBasis, Orders, Precompute, Scene, TransferEstimate, TransferSolver,
     TransferSource, ViewDependence,
 };
+use airlight::stage::Photons;
 use airlight::transfer::{Channel, Transfer};
 use libtest_mimic::Failed;
 
 use crate::fixtures::{DIMS, Map, camera, chromatic, cloud, grey, sky};
 use crate::scattering::{albedos, depths, furnace_phases, hold_white, scattering, uniform};
-use crate::{Axis, Case, Record, Subject, check, compare, pictures, tolerance};
+use crate::{Case, Record, Subject, check, compare, pictures, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
     vec![
@@ -59,11 +60,10 @@ pub(crate) fn cases() -> Vec<Case> {
         .within(&tolerance::TRANSFER_SKY),
         Case::new(
             "transfer::solvers",
-            "Photons give the pictures that ordinates give, however they leave their light.",
+            "Photons give the pictures that ordinates give.",
             solvers,
         )
-        .within(&tolerance::TRANSFER_PHOTONS)
-        .permutes(&deposits()),
+        .within(&tolerance::TRANSFER_PHOTONS),
         Case::new(
             "transfer::compressed",
             "A few clusters and components give the picture of all matrices, in colour and with a phase function that leans forward.",
@@ -90,10 +90,6 @@ pub(crate) fn cases() -> Vec<Case> {
 const HARMONICS: LightBasis = LightBasis::Harmonics { bands: 6 };
 const FEW: LightBasis = LightBasis::Discrete { functions: 42 };
 
-fn deposits() -> Axis<Deposit> {
-    Axis::of("deposit", [Deposit::Track, Deposit::Collision, Deposit::Absorption])
-}
-
 /// All orders by ordinates, of which nothing is compressed.
 fn ordinates(cells: u32, basis: LightBasis, bands: u32) -> Precompute {
     Precompute {
@@ -108,7 +104,7 @@ fn ordinates(cells: u32, basis: LightBasis, bands: u32) -> Precompute {
 }
 
 fn direct(basis: LightBasis) -> Precompute {
-    Precompute { orders: Orders::Count(1), ..ordinates(48, basis, 1) }
+    Precompute { orders: Orders::Count(1), ..ordinates(60, basis, 1) }
 }
 
 fn with(scene: Scene, source: TransferSource, view: ViewDependence) -> Scene {
@@ -144,10 +140,11 @@ fn furnace(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 fn balance(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let basis = LightBasis::Discrete { functions: 12 };
     record.each(&albedos(), |record, &albedo| {
-        let extinction = 12.0;
+        let extinction = 3.0;
         let mut renderer = subject.renderer()?;
         let mut scene = scattering(Optics::grey(extinction, albedo), Some(uniform(1.0)?));
-        let transfer = made(&mut renderer, &scene, ordinates(17, basis, 1))?;
+        // Cells of half a voxel: both sides differ by what interpolation between cells costs, which falls with their size.
+        let transfer = made(&mut renderer, &scene, ordinates(34, basis, 1))?;
         let absorbed = absorbed(&scene, &transfer) * f64::from(extinction * (1.0 - albedo));
         scene = with(scene, TransferSource::Made(transfer), ViewDependence::Cell);
         scene.quality.step = 0.25;
@@ -186,18 +183,37 @@ fn absorbed(scene: &Scene, transfer: &Transfer) -> f64 {
     let lattice = scene.medium.lattice();
     let dims = lattice.dims();
     let volume = lattice.index_to_world().matrix3.determinant().abs();
-    let mut slice = vec![0.0; (dims.x * dims.y) as usize];
-    let mut sum = 0.0;
+    let mut density = Vec::new();
     for k in 0..dims.z {
+        let mut slice = vec![0.0; (dims.x * dims.y) as usize];
         scene.medium.density_slice(k, &mut slice);
-        for (at, &density) in slice.iter().enumerate() {
-            let voxel = UVec3::new(at as u32 % dims.x, at as u32 / dims.x, k);
-            let [x, y, z] = [0, 1, 2].map(|a| (voxel[a] * shape.cells[a] / dims[a]) as usize);
-            let cell = (z * shape.cells[1] as usize + y) * shape.cells[0] as usize + x;
-            sum += f64::from(density) * mean[cell] * volume;
-        }
+        density.extend(slice.into_iter().map(f64::from));
     }
-    sum
+    let density = |p: DVec3| trilinear(&density, dims, p);
+    let cells = UVec3::from(shape.cells);
+    let per_voxel = cells.as_dvec3() / dims.as_dvec3();
+    let mean = |p: DVec3| trilinear(&mean, cells, (p + 0.5) * per_voxel - 0.5);
+    // The product of two trilinear functions, at four points along each side of a voxel.
+    let points = 4 * dims;
+    let mut sum = 0.0;
+    for at in 0..points.element_product() {
+        let point = UVec3::new(at % points.x, at / points.x % points.y, at / points.x / points.y);
+        let p = (point.as_dvec3() + 0.5) / 4.0 - 0.5;
+        sum += density(p) * mean(p);
+    }
+    sum * volume / 64.0
+}
+
+/// Between samples that lie at whole numbers, clamped at the edge.
+fn trilinear(values: &[f64], dims: UVec3, p: DVec3) -> f64 {
+    let p = p.clamp(DVec3::ZERO, dims.as_dvec3() - 1.0);
+    let (base, f) = (p.floor(), p.fract());
+    let corner = |n: u32| {
+        let at = (base.as_uvec3() + UVec3::new(n & 1, n >> 1 & 1, n >> 2)).min(dims - 1);
+        let weight = |a: usize| if n >> a & 1 == 1 { f[a] } else { 1.0 - f[a] };
+        weight(0) * weight(1) * weight(2) * values[((at.z * dims.y + at.y) * dims.x + at.x) as usize]
+    };
+    (0..8).map(corner).sum()
 }
 
 fn right_side(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
@@ -248,7 +264,7 @@ fn hold_blocks(subject: &Subject, record: &mut Record, file: &str, options: Prec
 
 fn environment(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let (scene, mut renderer) = (reference()?, subject.renderer()?);
-    let options = ordinates(24, HARMONICS, 1);
+    let options = ordinates(30, HARMONICS, 1);
     let whole = made(&mut renderer, &scene, options)?;
     let once = made(&mut renderer, &scene, Precompute { orders: Orders::Count(1), ..options })?;
     let lit = |transfer| with(scene.clone(), TransferSource::Made(transfer), ViewDependence::Cell);
@@ -273,16 +289,15 @@ fn environment(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 fn solvers(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let optics = Optics { phase: Phase::HenyeyGreenstein { g: 0.4 }, ..grey(Phase::Isotropic) };
     let mut scene = scattering(optics, Some(sky()));
-    scene.optics.extinction = Vec3::splat(10.0);
+    scene.optics.extinction = Vec3::splat(4.0);
     let mut renderer = subject.renderer()?;
-    let options = ordinates(10, LightBasis::Harmonics { bands: 3 }, 3);
+    let options = ordinates(17, LightBasis::Harmonics { bands: 3 }, 3);
     let expected = renderer.render(&making(scene.clone(), options))?.film.beauty;
-    record.each(&deposits(), |record, &deposit| {
-        let solver = TransferSolver::Photons { count: 60.0, deposit };
-        let found = renderer.render(&making(scene.clone(), Precompute { solver, ..options }))?.film.beauty;
-        record.hold("radiance", rgb(&found), rgb(&expected).into_iter().map(f64::from));
-        Ok(())
-    })
+    // Along tracks there is the least noise; that the other deposits agree is tried with the stage.
+    let solver = TransferSolver::Photons { count: 60.0, deposit: Deposit::Track, radius: Photons::RADIUS };
+    let found = renderer.render(&making(scene, Precompute { solver, ..options }))?.film.beauty;
+    record.hold("radiance", rgb(&found), rgb(&expected).into_iter().map(f64::from));
+    Ok(())
 }
 
 fn compressed(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
@@ -293,7 +308,7 @@ fn compressed(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let expected = renderer.render(&making(scene.clone(), options))?.film.beauty;
     let few = Precompute { clusters: Some(48), components: 4, ..options };
     let transfer = made(&mut renderer, &scene, few)?;
-    check!(transfer.shape().rows.len() > 600, "{} rows: the case tries nothing", transfer.shape().rows.len());
+    check!(transfer.shape().rows.len() > 500, "{} rows: the case tries nothing", transfer.shape().rows.len());
     for channel in transfer.channels() {
         check!(channel.loss > 1e-4, "nothing is lost: the case tries nothing");
     }
