@@ -11,7 +11,7 @@ use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
 use airlight::media::{Gaussian, Gaussians, GridMedium, Lattice, Optics, Phase};
 use airlight::scene::{
-    Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Film, Interpolation,
+    Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Film, Interpolation, LightBasis,
     LightsEstimate, Opacity, Quality, Records, Scene, Shadow, Solver,
 };
 use airlight_formats::{FormatError, volume};
@@ -108,6 +108,7 @@ pub fn records(content: Content, bands: u32, directions: u32) -> Records {
     Records {
         cells: 40,
         bands,
+        basis: LightBasis::Harmonics,
         directions,
         content,
         interpolation: Interpolation::Trilinear,

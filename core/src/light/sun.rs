@@ -15,7 +15,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DMat3, DVec3, Vec3};
 
 use super::projection::LUMINANCE;
-use super::{Environment, Image};
+use super::{Beams, Environment, Image};
 use crate::Version;
 use crate::basis::SphericalHarmonics;
 
@@ -39,6 +39,7 @@ pub(super) struct Content {
     pub(super) version: Version,
     parts: OnceLock<Option<Parts>>,
     spectrum: OnceLock<Vec<[f64; 3]>>,
+    pub(super) beams: OnceLock<Beams>,
 }
 
 /// A picture in two.
@@ -85,7 +86,13 @@ pub struct Cost {
 
 impl Content {
     pub(super) fn new(image: Image) -> Self {
-        Self { image, version: Version::fresh(), parts: OnceLock::new(), spectrum: OnceLock::new() }
+        Self {
+            image,
+            version: Version::fresh(),
+            parts: OnceLock::new(),
+            spectrum: OnceLock::new(),
+            beams: OnceLock::new(),
+        }
     }
 }
 

@@ -19,7 +19,8 @@ pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
-    LightsEstimate, Opacity, Orders, Path, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
+    LightBasis, LightsEstimate, Opacity, Orders, Path, Records, ScatteringEstimate, Scheme, Shadow, Solver,
+    SurfaceShadow, Sweeps,
 };
 pub use film::Film;
 pub use hierarchy::Hierarchy;
