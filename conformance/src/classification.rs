@@ -129,7 +129,7 @@ fn ramp(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             [0, 1, 2].map(|c| f64::from(scene.optics.albedo[c] * (1.0 - through[c])) * light[c])
         });
         let expected: Vec<[f64; 3]> = expected.collect();
-        record.film("radiance", &film, expected.into_iter());
+        record.film("radiance", &film, expected);
         Ok(())
     })
 }

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use airlight::Renderer;
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Light};
-use airlight::media::{Homogeneous, Optics, Phase};
+use airlight::media::{Homogeneous, Medium, Optics, Phase};
 use airlight::reference::{BruteForce, BruteSettings};
 use airlight::scene::{
     AllEstimate, Camera, Direct, Estimate, Film, LightsEstimate, Material, Path, Quality, Scene, Shadow, SurfaceShadow,
 };
 use libtest_mimic::Failed;
 
-use crate::fixtures::{DIMS, Map, chromatic, cloud, room, sky, varied, wall};
+use crate::fixtures::{DIMS, Map, chromatic, classified, cloud, room, sky, varied, wall};
 use crate::pictures::{self, parts, spot, sun};
 use crate::{Axis, Case, Need, Record, Subject, check};
 
@@ -55,7 +55,12 @@ pub(crate) fn cases() -> Vec<Case> {
     cases.push(Case::new(
         "paths::varying_optics",
         "A cloud whose albedo, absorption and heat vary from voxel to voxel, scattering once, is brute force's.",
-        varying,
+        |s, r| varying(s, r, Arc::new(varied(Map::Rotated, DIMS))),
+    ));
+    cases.push(Case::new(
+        "paths::classified",
+        "A cloud of values that are classified, with a tint, scattering once, is brute force's.",
+        |s, r| varying(s, r, Arc::new(classified(Map::Rotated, DIMS))),
     ));
     cases.push(Case::new(
         "paths::white_walls",
@@ -337,9 +342,9 @@ fn brute(scene: &Scene) -> Vec<[f32; 4]> {
     (0..pixels).into_par_iter().map(|i| truth.pixel(i % width, i / width).map(|v| v as f32)).collect()
 }
 
-fn varying(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+fn varying(subject: &Subject, record: &mut Record, medium: Arc<dyn Medium>) -> Result<(), Failed> {
     let mut scene = cloud(Map::Rotated, DIMS, chromatic(Phase::HenyeyGreenstein { g: 0.3 }));
-    scene.medium = Arc::new(varied(Map::Rotated, DIMS));
+    scene.medium = medium;
     scene.optics.emission = Vec3::new(0.5, 0.8, 2.0);
     let mut visible = sky();
     visible.visible = true;

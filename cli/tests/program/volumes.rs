@@ -53,6 +53,29 @@ fn densities_that_no_medium_has_are_told_with_their_voxel() {
 }
 
 #[test]
+fn values_are_told_and_classified() {
+    let bench = Workbench::new();
+    let values = "type: short\ndimension: 3\nsizes: 2 2 2\nencoding: ascii\nspacings: 1 1 1\naxis mins: 0 0 0\n\n\
+                  -1000 -90 0 40 150 500 1200 3000\n";
+    let volume = bench.write("ct.nrrd", format!("NRRD0004\n{values}"));
+    let told = bench.json(["info".as_ref(), volume.as_os_str(), "--json".as_ref()]);
+    assert_eq!(told["grid"][0]["range"], serde_json::json!([-1000.0, 3000.0]), "{told}");
+    let scene = bench.grid_scene("ct", &volume);
+    let function =
+        ["--set", "medium.transfer_function=[{ value = 0 }, { value = 1e3, density = 2, tint = [1, 0.5, 0] }]"];
+    let rendered = bench.run([["render", scene.to_str().unwrap()], function].concat());
+    rendered.well();
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let text = text.replacen("[medium]", "[medium]\ntransfer_function = { preset = \"ct-bone\", density = 0.5 }", 1);
+    let scene = bench.write("bone.toml", text);
+    let told = bench.json(["info".as_ref(), scene.as_os_str(), "--json".as_ref()]);
+    assert_eq!(told["transfer_function"]["values"], serde_json::json!([-1000.0, 3000.0]), "{told}");
+    assert_eq!(told["transfer_function"]["point"][4]["density"], 0.5, "{told}");
+    assert_eq!(told["medium"]["range"], serde_json::json!([0.0, 0.5]), "{told}");
+    assert!(told["optics"]["fields"]["seen"][0].as_f64().unwrap() > 0.4, "{told}");
+}
+
+#[test]
 fn grids_of_no_voxels_and_of_too_many_are_refused_by_their_header() {
     let bench = Workbench::new();
     let raw = |sizes: &str| format!("NRRD0004\ntype: float\ndimension: 3\nsizes: {sizes}\nencoding: raw\n\n");

@@ -52,7 +52,7 @@ pub struct BruteForce<'s> {
     dims: [u32; 4],
     to_index: DAffine3,
     density: Vec<f64>,
-    /// Of each channel; none where it is the density.
+    /// Of each channel, as the eye sees it; none where it is the density.
     scattering: Option<[Vec<f64>; 3]>,
     emission: Option<[Vec<f64>; 3]>,
     facets: Facets<'s>,
@@ -99,7 +99,7 @@ impl<'s> BruteForce<'s> {
         let grey = |field: OpticsField<'_>| [0, 1, 2].map(|_| read(1, 0, &|k, out| field.slice(k, out)));
         let fields = scene.medium.optics_fields();
         let density = read(1, 0, &|k, out| scene.medium.density_slice(k, out));
-        let scattering = fields.scattering.map(colors);
+        let scattering = fields.seen.or(fields.scattering).map(colors);
         let emission = fields.emission_color.map(colors).or_else(|| fields.emission.map(grey));
         Self {
             scene,
