@@ -230,13 +230,13 @@ tolerances! {
     MULTIPLE_FORWARD { 4e-2, f64::INFINITY,
         "Three bands hold an eighth of the phase function's peak as light that goes on; the rest as [`MULTIPLE_SKY`]." }
 
-    /// Unscattered light of a transfer against the reference's, which has the same six bands.
+    /// Unscattered light of a transfer against the reference's, which has the same four bands.
     TRANSFER_DIRECT { 1e-2, f64::INFINITY,
-        "What is asked of single scattering. Cells of one and a half voxels are interpolated, which costs half a percent; sweeps \
+        "What is asked of single scattering. Cells of 1.2 voxels are interpolated, which costs half a percent; sweeps \
          blur light across its direction by as much." }
 
     /// All orders of a transfer against the reference's, in few bands and on a coarse grid.
-    TRANSFER_SKY { 2e-2, f64::INFINITY,
+    TRANSFER_SKY { 2.5e-2, f64::INFINITY,
         "Six bands hold the sky but for half a percent of its picture. Cells of three voxels cost up to two percent at the rim \
          of the cloud; the published figures are of finer grids and more functions (docs/transfers.md)." }
 
