@@ -60,6 +60,8 @@ const CPU: Backend = Backend {
         ("path", "run", MEMORY),
         ("evaluate", "run", MEMORY),
         ("reconstruct", "run", MEMORY),
+        ("reconstruct", "row", MEMORY),
+        ("reconstruct", "four", LANES),
         ("path", "splat", LANES),
         ("march", "load", LANES),
         ("march", "store", LANES),
