@@ -59,6 +59,7 @@ const CPU: Backend = Backend {
         ("sweep", "mix", PLANE),
         ("path", "run", MEMORY),
         ("evaluate", "run", MEMORY),
+        ("evaluate", "total", LANES),
         ("reconstruct", "run", MEMORY),
         ("reconstruct", "row", MEMORY),
         ("reconstruct", "four", LANES),
