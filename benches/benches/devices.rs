@@ -88,9 +88,12 @@ fn propagations(criterion: &mut Criterion) {
     }
 }
 
+/// A stage on resources of a rig's, and the number of its elements.
+type Made = Result<(Stage, u64), DeviceError>;
+
 /// Transfer matrices of one moment and of four bands: what light makes of the clusters, and what the cells make of it.
 fn matrices(criterion: &mut Criterion) {
-    let mut bench = |name: String, made: &dyn Fn(&mut Rig) -> Result<(Stage, u64), DeviceError>| {
+    let mut bench = |name: String, made: &dyn Fn(&mut Rig) -> Made| {
         let mut group = group(criterion, &name);
         for id in devices() {
             let mut rig = Rig::new(open(&id)).expect("the density fits");

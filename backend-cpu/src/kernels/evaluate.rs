@@ -17,8 +17,8 @@ const CHUNK: usize = 64;
 struct Inputs<'a> {
     p: &'a EvaluateParams,
     matrices: &'a [f32],
-    /// Sixteen functions at a time, in RGB; zero past the last.
-    light: &'a [[F; 3]],
+    /// Red, green and blue, sixteen functions at a time; zero past the last.
+    light: [Vec<F>; 3],
     views: &'a [f32],
 }
 
@@ -28,10 +28,10 @@ pub(crate) fn run(stage: &Evaluate, range: Range<u32>, memory: &mut Memory<'_>, 
     let p = &stage.params;
     let (planes, functions) = (read.buf(stage.light)?, p.functions as usize);
     let value = |c: usize, k: usize| if k < functions { planes[c * functions + k] } else { 0.0 };
-    let packet = |n: usize| [0, 1, 2].map(|c| F(lanes!(i => value(c, n * LANES + i))));
-    let light: Vec<[F; 3]> = (0..functions.div_ceil(LANES)).map(packet).collect();
+    let packets = 0..functions.div_ceil(LANES);
+    let plane = |c: usize| packets.clone().map(|n| F(lanes!(i => value(c, n * LANES + i)))).collect();
     let (matrices, views) = (read.buf(stage.matrices)?, read.opt(stage.views)?);
-    let inputs = &Inputs { p, matrices, light: &light, views };
+    let inputs = &Inputs { p, matrices, light: [0, 1, 2].map(plane), views };
     let (start, end) = (range.start as usize, range.end as usize);
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
     let rows = if p.folded == 1 { p.coefficients as usize } else { 1 };
@@ -71,22 +71,27 @@ fn evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
 #[inline(always)]
 fn moment(inputs: &Inputs<'_>, row: usize) -> [f32; 3] {
     let functions = inputs.p.functions as usize;
-    let (packets, rest) = inputs.matrices[row * functions..][..functions].as_chunks::<LANES>();
-    let (light, last) = inputs.light.split_at(packets.len());
-    let mut sums = [F::ZERO; 3];
-    for (m, s) in packets.iter().zip(light) {
-        sums = triple!(c => sums[c] + F(*m) * s[c]);
+    let row = &inputs.matrices[row * functions..][..functions];
+    let [red, green, blue] = inputs.light.each_ref().map(|plane| &plane[..functions.div_ceil(LANES)]);
+    let (mut r, mut g, mut b) = (F::ZERO, F::ZERO, F::ZERO);
+    for (n, m) in row.chunks(LANES).enumerate() {
+        let m = match <&[f32; LANES]>::try_from(m).ok() {
+            Some(m) => F(*m),
+            None => F(lanes!(i => if i < m.len() { m[i] } else { 0.0 })),
+        };
+        r = r + m * red[n];
+        g = g + m * green[n];
+        b = b + m * blue[n];
     }
-    if let Some(s) = last.first() {
-        let mut m = F::ZERO;
-        m.0[..rest.len()].copy_from_slice(rest);
-        sums = triple!(c => sums[c] + m * s[c]);
+    [total(r), total(g), total(b)]
+}
+
+/// The sum of the lanes.
+#[inline(always)]
+fn total(packet: F) -> f32 {
+    let mut sum = 0.0;
+    for v in packet.0 {
+        sum += v;
     }
-    triple!(c => {
-        let mut total = 0.0;
-        for v in sums[c].0 {
-            total += v;
-        }
-        total
-    })
+    sum
 }

@@ -10,21 +10,33 @@ use super::harmonics::{self, harmonics};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, dot, lanes, triple};
+use crate::packet::{F, LANES, M, dot, lanes, triple};
 
 /// Cells that one task takes.
 const CHUNK: usize = 64 * LANES;
+
+/// Values of a moment: RGBA.
+const WIDTH: usize = 4;
+/// Moments of a packet.
+const FOUR: usize = LANES / WIDTH;
 
 struct Inputs<'a> {
     p: &'a ReconstructParams,
     rows: &'a [u32],
     clusters: &'a [u32],
     weights: &'a [f32],
-    radiance: &'a [[f32; 4]],
-    /// The phase function's moments.
-    beta: &'a [f32],
+    /// RGBA, flat.
+    radiance: &'a [f32],
+    /// The phase function's moments, four at a time, each for RGBA; zero past the last.
+    beta: &'a [F],
     /// Constants of spherical harmonics.
     constants: &'a [f32],
+}
+
+/// A row in a channel: the moments of its cluster's mean and components, and what it weighs the components.
+struct Row<'a> {
+    radiance: &'a [f32],
+    weights: &'a [f32],
 }
 
 pub(crate) fn run(
@@ -37,85 +49,107 @@ pub(crate) fn run(
     let (mut out, read) = memory.split();
     let p = &stage.params;
     let (beta, constants) = read.buf(stage.tables)?.split_at(p.coefficients() as usize);
+    let weight = |j: usize| beta.get(j).copied().unwrap_or(0.0);
+    let beta: Vec<F> = (0..beta.len().div_ceil(FOUR)).map(|n| F(lanes!(l => weight(n * FOUR + l / WIDTH)))).collect();
     let (rows, clusters) = (read.buf(stage.rows)?, read.buf(stage.clusters)?);
-    let (weights, radiance) = (read.opt(stage.weights)?, read.buf(stage.radiance)?);
-    let inputs = &Inputs { p, rows, clusters, weights, radiance, beta, constants };
-    let (start, end, layers) = (range.start as usize, range.end as usize, p.layers() as usize);
-    let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
-    out[start * layers..end * layers].par_chunks_mut(CHUNK * layers).enumerate().for_each(|(n, out)| {
+    let (weights, radiance) = (read.opt(stage.weights)?, bytemuck::cast_slice(read.buf(stage.radiance)?));
+    let inputs = &Inputs { p, rows, clusters, weights, radiance, beta: &beta, constants };
+    let (start, end, values) = (range.start as usize, range.end as usize, p.layers() as usize * WIDTH);
+    let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
+    out[start * values..end * values].par_chunks_mut(CHUNK * values).enumerate().for_each(|(n, out)| {
         let first = start + n * CHUNK;
-        compiled_for!(isa, reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]));
+        compiled_for!(isa, reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [f32]));
     });
     Ok(())
 }
 
 /// The layers of the cells from `first` on.
 #[inline(always)]
-fn reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
+fn reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     let p = inputs.p;
-    let (layers, moments) = (p.layers() as usize, p.coefficients() as usize);
+    let (values, moments) = (p.layers() as usize * WIDTH, p.coefficients() as usize);
+    let color = M(lanes!(i => if i % WIDTH < 3 { u32::MAX } else { 0 }));
     let mut basis = [F::ZERO; harmonics::MAX];
-    let (mut light, mut other) = ([[0.0; 4]; harmonics::MAX], [[0.0; 4]; harmonics::MAX]);
-    let light = &mut light[..moments];
-    for (n, out) in out.chunks_mut(LANES * layers).enumerate() {
+    for (n, out) in out.chunks_mut(LANES * values).enumerate() {
         let cell = first + n * LANES;
-        let rows = &inputs.rows[cell..][..out.len() / layers];
+        let rows = &inputs.rows[cell..][..out.len() / values];
         if p.view == 1 && rows.iter().any(|row| *row > 0) {
             harmonics(inputs.constants, p.bands as usize, view_direction(p, cell), &mut basis);
         }
-        for (i, (&row, out)) in rows.iter().zip(out.chunks_exact_mut(layers)).enumerate() {
-            if row == 0 {
-                out.fill([0.0; 4]);
+        for (i, (&place, out)) in rows.iter().zip(out.chunks_exact_mut(values)).enumerate() {
+            if place == 0 {
+                out.fill(0.0);
                 continue;
             }
-            arriving(inputs, row.min(p.rows) as usize - 1, light, &mut other[..moments]);
-            if p.view == 0 {
-                for ((out, light), beta) in out.iter_mut().zip(&*light).zip(inputs.beta) {
-                    *out = [beta * light[0], beta * light[1], beta * light[2], 0.0];
+            let place = place.min(p.rows) as usize - 1;
+            let red = row(inputs, 0, place);
+            let others = if p.channels == 3 { Some([row(inputs, 1, place), row(inputs, 2, place)]) } else { None };
+            let mut sum = F::ZERO;
+            for (n, &beta) in inputs.beta.iter().enumerate() {
+                let j = n * FOUR;
+                let light = color.select(arriving(moments, &red, &others, j), F::ZERO) * beta;
+                if p.view == 1 {
+                    // Past the last moment all light is zero.
+                    sum = sum + light * F(lanes!(l => basis[(j + l / WIDTH).min(harmonics::MAX - 1)].0[i]));
+                } else {
+                    let to = &mut out[j * WIDTH..];
+                    let count = to.len().min(LANES);
+                    to[..count].copy_from_slice(&light.0[..count]);
                 }
-            } else {
-                let mut sum = [0.0; 4];
-                for ((light, beta), basis) in light.iter().zip(inputs.beta).zip(&basis) {
-                    let weight = beta * basis.0[i];
-                    for c in 0..4 {
-                        sum[c] += weight * light[c];
-                    }
+            }
+            if p.view == 1 {
+                for (c, to) in out.iter_mut().enumerate() {
+                    *to = sum.0[c] + sum.0[WIDTH + c] + sum.0[2 * WIDTH + c] + sum.0[3 * WIDTH + c];
                 }
-                out[0] = [sum[0], sum[1], sum[2], 0.0];
             }
         }
     }
 }
 
-/// The moments of a row; a channel serves all of RGB, or each its own component.
+/// Where a row's values lie in a channel.
 #[inline(always)]
-fn arriving(inputs: &Inputs<'_>, row: usize, to: &mut [[f32; 4]], other: &mut [[f32; 4]]) {
-    restored(inputs, 0, row, to);
-    for c in 1..inputs.p.channels as usize {
-        restored(inputs, c, row, other);
-        for (to, other) in to.iter_mut().zip(&*other) {
-            to[c] = other[c];
-        }
-    }
-}
-
-/// The moments of a row in a channel: its cluster's mean, and what it weighs the components.
-#[inline(always)]
-fn restored(inputs: &Inputs<'_>, channel: usize, row: usize, to: &mut [[f32; 4]]) {
+fn row<'a>(inputs: &Inputs<'a>, channel: usize, row: usize) -> Row<'a> {
     let p = inputs.p;
-    let (components, moments) = (p.components as usize, to.len());
+    let components = p.components as usize;
     let place = channel * p.rows as usize + row;
     let cluster = inputs.clusters[place].min(p.clusters - 1) as usize;
-    let first = (channel * p.clusters as usize + cluster) * (1 + components) * moments;
-    let (mean, rest) = inputs.radiance[first..][..(1 + components) * moments].split_at(moments);
-    let weights = &inputs.weights[place * components..][..components];
-    to.copy_from_slice(mean);
-    for (component, weight) in rest.chunks_exact(moments).zip(weights) {
-        for (to, value) in to.iter_mut().zip(component) {
-            for c in 0..4 {
-                to[c] += weight * value[c];
-            }
-        }
+    let values = (1 + components) * p.coefficients() as usize * WIDTH;
+    Row {
+        radiance: &inputs.radiance[(channel * p.clusters as usize + cluster) * values..][..values],
+        weights: &inputs.weights[place * components..][..components],
+    }
+}
+
+/// Four moments of a row from `j` on; a channel serves all of RGB, or each its own component.
+#[inline(always)]
+fn arriving(moments: usize, row: &Row<'_>, others: &Option<[Row<'_>; 2]>, j: usize) -> F {
+    let first = restored(moments, row, j);
+    let Some([green, blue]) = others else { return first };
+    let is_green = M(lanes!(i => if i % WIDTH == 1 { u32::MAX } else { 0 }));
+    let is_blue = M(lanes!(i => if i % WIDTH == 2 { u32::MAX } else { 0 }));
+    is_green.select(restored(moments, green, j), is_blue.select(restored(moments, blue, j), first))
+}
+
+/// Four moments of a row in a channel from `j` on: its cluster's mean, and what it weighs the components.
+#[inline(always)]
+fn restored(moments: usize, row: &Row<'_>, j: usize) -> F {
+    let values = moments * WIDTH;
+    let mut sum = four(&row.radiance[..values], j);
+    let mut at = values;
+    for &weight in row.weights {
+        sum = sum + four(&row.radiance[at..][..values], j) * weight;
+        at += values;
+    }
+    sum
+}
+
+/// Four moments from `j` on. Squares end with four or with one, behind which all is zero.
+#[inline(always)]
+fn four(moments: &[f32], j: usize) -> F {
+    let from = &moments[j * WIDTH..];
+    match from.get(..LANES) {
+        Some(all) => F(lanes!(i => all[i])),
+        None => F(lanes!(i => if i < WIDTH { from[i] } else { 0.0 })),
     }
 }
 
