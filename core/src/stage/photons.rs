@@ -438,7 +438,7 @@ mod tests {
     fn passes_take_every_flight_once() {
         for deposit in [photon_deposit::TRACK, photon_deposit::COLLISION] {
             let stage = photons(deposit);
-            for some in [1, 3, 8, 19, 100] {
+            for some in [1u64, 3, 8, 19, 100] {
                 let turns = 104 * some.div_ceil(8) + some * stage.turns();
                 let passes = stage.passes(turns).unwrap();
                 let mut begin = 1;
