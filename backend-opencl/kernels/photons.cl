@@ -332,17 +332,18 @@ bool land(const Bound *bound, const Cargo *cargo, uint cell, float light, int *t
 
 // Adds to an integer, and counts what it does not hold.
 void add(const Bound *bound, uint place, float value, int *tally) {
-    // Also what is not a number.
-    if (!(fabs(value) < 2147483648.0f)) {
-        tally[PHOTON_OVERFLOWS] += 1;
-        return;
-    }
-    int more = convert_int(value);
-    if (more != 0) {
-        int before = atomic_add(&bound->deposits[place], more);
-        int after = as_int(as_uint(before) + as_uint(more));
-        if (((before ^ after) & (more ^ after)) < 0) {
-            tally[PHOTON_OVERFLOWS] += 1;
+    bool held = false;
+    // What is not a number is not held either.
+    if (fabs(value) < 2147483648.0f) {
+        int more = convert_int(value);
+        int before = 0;
+        if (more != 0) {
+            before = atomic_add(&bound->deposits[place], more);
         }
+        int after = as_int(as_uint(before) + as_uint(more));
+        held = ((before ^ after) & (more ^ after)) >= 0;
+    }
+    if (!held) {
+        tally[PHOTON_OVERFLOWS] += 1;
     }
 }

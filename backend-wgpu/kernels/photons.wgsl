@@ -305,17 +305,18 @@ fn land(cargo: ptr<function, Cargo>, cell: u32, light: f32) -> bool {
 
 // Adds to an integer, and counts what it does not hold.
 fn add(place: u32, value: f32) {
-    // Also what is not a number.
-    if !(abs(value) < 2147483648.0) {
-        tally[PHOTON_OVERFLOWS] += 1;
-        return;
-    }
-    let more = i32(value);
-    if more != 0 {
-        let before = atomicAdd(&deposits[place], more);
-        let after = before + more;
-        if ((before ^ after) & (more ^ after)) < 0 {
-            tally[PHOTON_OVERFLOWS] += 1;
+    var held = false;
+    // What is not a number is not held either.
+    if abs(value) < 2147483648.0 {
+        let more = i32(value);
+        var before = 0;
+        if more != 0 {
+            before = atomicAdd(&deposits[place], more);
         }
+        let after = before + more;
+        held = ((before ^ after) & (more ^ after)) >= 0;
+    }
+    if !held {
+        tally[PHOTON_OVERFLOWS] += 1;
     }
 }

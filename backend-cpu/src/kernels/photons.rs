@@ -385,15 +385,13 @@ fn land(cargo: &Cargo<'_>, cell: i32, light: f32, tally: &mut Tally) -> bool {
 
 /// Adds to an integer, and counts what it does not hold.
 fn add(place: &AtomicI32, value: f32, tally: &mut Tally) {
-    // Also what is not a number.
-    if !(value.abs() < 2_147_483_648.0) {
-        tally[photon_counter::OVERFLOWS as usize] += 1;
-        return;
-    }
-    let more = value as i32;
-    if more != 0 {
-        let before = place.fetch_add(more, Relaxed);
+    let mut held = false;
+    // What is not a number is not held either.
+    if value.abs() < 2_147_483_648.0 {
+        let more = value as i32;
+        let before = if more == 0 { 0 } else { place.fetch_add(more, Relaxed) };
         let after = before.wrapping_add(more);
-        tally[photon_counter::OVERFLOWS as usize] += i32::from((before ^ after) & (more ^ after) < 0);
+        held = (before ^ after) & (more ^ after) >= 0;
     }
+    tally[photon_counter::OVERFLOWS as usize] += i32::from(!held);
 }
