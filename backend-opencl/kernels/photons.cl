@@ -35,16 +35,7 @@ Photon enter(const Bound *bound, const PhotonDirection *source, Draws *numbers);
 uint trace(const Bound *bound, Photon *photon, Draws *numbers, Event *events, int *tally);
 float albedo(const Bound *bound, float3 at, float density);
 void deposit(const Bound *bound, const PhotonDirection *source, uint name, const Event *event, int *tally);
-bool along(
-    const Bound *bound,
-    const Cargo *cargo,
-    int3 cells,
-    float3 origin,
-    float3 direction,
-    float way,
-    float light,
-    int *tally
-);
+bool along(const Bound *bound, const Cargo *cargo, int3 cells, const Event *flight, float light, int *tally);
 bool spread(const Bound *bound, const Cargo *cargo, int3 cells, float3 place, float light, int *tally);
 float share(const Bound *bound, int3 cells, int3 cell, float3 place);
 bool land(const Bound *bound, const Cargo *cargo, uint cell, float light, int *tally);
@@ -219,7 +210,9 @@ void deposit(const Bound *bound, const PhotonDirection *source, uint name, const
     tally[PHOTON_DEPOSITS] += 1;
     int3 cells = convert_int3(params->cells.xyz);
     float3 ratio = convert_float3(cells) / convert_float3(params->dims.xyz);
-    float3 origin = (event->origin + 0.5f) * ratio;
+    Event flight = *event;
+    flight.origin = (event->origin + 0.5f) * ratio;
+    flight.direction = event->direction * ratio;
     float light = event->light * source->toward.w / params->volume * params->scale;
     Cargo cargo;
     // Toward where the light comes from.
@@ -229,26 +222,19 @@ void deposit(const Bound *bound, const PhotonDirection *source, uint name, const
     cargo.count = source->count;
     bool received;
     if (params->deposit == DEPOSIT_TRACK) {
-        received = along(bound, &cargo, cells, origin, event->direction * ratio, event->length, light, tally);
+        received = along(bound, &cargo, cells, &flight, light, tally);
     } else {
-        received = spread(bound, &cargo, cells, origin, light, tally);
+        received = spread(bound, &cargo, cells, flight.origin, light, tally);
     }
     if (!received) {
         tally[PHOTON_LOST] += 1;
     }
 }
 
-// Leaves light along a flight, from a place in cells and so many cells per metre. Whether any cell has a row.
-bool along(
-    const Bound *bound,
-    const Cargo *cargo,
-    int3 cells,
-    float3 origin,
-    float3 direction,
-    float way,
-    float light,
-    int *tally
-) {
+// Leaves light along a flight, whose places are in cells. Whether any cell has a row.
+bool along(const Bound *bound, const Cargo *cargo, int3 cells, const Event *flight, float light, int *tally) {
+    float3 origin = flight->origin;
+    float3 direction = flight->direction;
     float3 lower = floor(origin);
     float3 most = convert_float3(cells - 1);
     int3 cell = convert_int3(lower > (float3)(0.0f) ? min(lower, most) : (float3)(0.0f));
@@ -266,7 +252,7 @@ bool along(
             exit = leave.y;
             across = (int3)(0, 2 * onward.y - 1, 0);
         }
-        exit = min(exit, way);
+        exit = min(exit, flight->length);
         if (exit > t) {
             uint number_of = (uint)((cell.z * cells.y + cell.y) * cells.x + cell.x);
             if (land(bound, cargo, number_of, light * (exit - t), tally)) {
@@ -275,7 +261,7 @@ bool along(
             t = exit;
         }
         cell += across;
-        if (exit >= way || any(cell < (int3)(0)) || any(cell >= cells)) {
+        if (exit >= flight->length || any(cell < (int3)(0)) || any(cell >= cells)) {
             break;
         }
     }
@@ -346,17 +332,18 @@ bool land(const Bound *bound, const Cargo *cargo, uint cell, float light, int *t
 
 // Adds to an integer, and counts what it does not hold.
 void add(const Bound *bound, uint place, float value, int *tally) {
-    // Also what is not a number.
-    if (!(fabs(value) < 2147483648.0f)) {
-        tally[PHOTON_OVERFLOWS] += 1;
-        return;
-    }
-    int more = convert_int(value);
-    if (more != 0) {
-        int before = atomic_add(&bound->deposits[place], more);
-        int after = as_int(as_uint(before) + as_uint(more));
-        if (((before ^ after) & (more ^ after)) < 0) {
-            tally[PHOTON_OVERFLOWS] += 1;
+    bool held = false;
+    // What is not a number is not held either.
+    if (fabs(value) < 2147483648.0f) {
+        int more = convert_int(value);
+        int before = 0;
+        if (more != 0) {
+            before = atomic_add(&bound->deposits[place], more);
         }
+        int after = as_int(as_uint(before) + as_uint(more));
+        held = ((before ^ after) & (more ^ after)) >= 0;
+    }
+    if (!held) {
+        tally[PHOTON_OVERFLOWS] += 1;
     }
 }

@@ -187,7 +187,9 @@ fn deposit(source: PhotonDirection, name: u32, event: Event) {
     tally[PHOTON_DEPOSITS] += 1;
     let cells = vec3<i32>(params.cells.xyz);
     let ratio = vec3<f32>(cells) / vec3<f32>(params.dims.xyz);
-    let origin = (event.origin + 0.5) * ratio;
+    var flight = event;
+    flight.origin = (event.origin + 0.5) * ratio;
+    flight.direction = event.direction * ratio;
     let light = event.light * source.toward.w / params.volume * params.scale;
     // Toward where the light comes from.
     var moments: array<f32, HARMONICS_MAX>;
@@ -195,24 +197,19 @@ fn deposit(source: PhotonDirection, name: u32, event: Event) {
     var cargo = Cargo(moments, draws(name, event.depth, params.seed, 0u), source.weights, source.count);
     var received = false;
     if params.deposit == DEPOSIT_TRACK {
-        received = along(&cargo, cells, origin, event.direction * ratio, event.length, light);
+        received = along(&cargo, cells, flight, light);
     } else {
-        received = spread(&cargo, cells, origin, light);
+        received = spread(&cargo, cells, flight.origin, light);
     }
     if !received {
         tally[PHOTON_LOST] += 1;
     }
 }
 
-// Leaves light along a flight, from a place in cells and so many cells per metre. Whether any cell has a row.
-fn along(
-    cargo: ptr<function, Cargo>,
-    cells: vec3<i32>,
-    origin: vec3<f32>,
-    direction: vec3<f32>,
-    length: f32,
-    light: f32,
-) -> bool {
+// Leaves light along a flight, whose places are in cells. Whether any cell has a row.
+fn along(cargo: ptr<function, Cargo>, cells: vec3<i32>, flight: Event, light: f32) -> bool {
+    let origin = flight.origin;
+    let direction = flight.direction;
     var cell = vec3<i32>(clamp(floor(origin), vec3<f32>(0.0), vec3<f32>(cells - 1)));
     var t = 0.0;
     var received = false;
@@ -225,7 +222,7 @@ fn along(
         } else if leave.y <= leave.z {
             axis = 1u;
         }
-        let exit = min(leave[axis], length);
+        let exit = min(leave[axis], flight.length);
         if exit > t {
             if land(cargo, u32((cell.z * cells.y + cell.y) * cells.x + cell.x), light * (exit - t)) {
                 received = true;
@@ -234,7 +231,7 @@ fn along(
         }
         let beyond = cell[axis] + 2 * onward[axis] - 1;
         cell[axis] = beyond;
-        if exit >= length || beyond < 0 || beyond >= cells[axis] {
+        if exit >= flight.length || beyond < 0 || beyond >= cells[axis] {
             break;
         }
     }
@@ -308,17 +305,18 @@ fn land(cargo: ptr<function, Cargo>, cell: u32, light: f32) -> bool {
 
 // Adds to an integer, and counts what it does not hold.
 fn add(place: u32, value: f32) {
-    // Also what is not a number.
-    if !(abs(value) < 2147483648.0) {
-        tally[PHOTON_OVERFLOWS] += 1;
-        return;
-    }
-    let more = i32(value);
-    if more != 0 {
-        let before = atomicAdd(&deposits[place], more);
-        let after = before + more;
-        if ((before ^ after) & (more ^ after)) < 0 {
-            tally[PHOTON_OVERFLOWS] += 1;
+    var held = false;
+    // What is not a number is not held either.
+    if abs(value) < 2147483648.0 {
+        let more = i32(value);
+        var before = 0;
+        if more != 0 {
+            before = atomicAdd(&deposits[place], more);
         }
+        let after = before + more;
+        held = ((before ^ after) & (more ^ after)) >= 0;
+    }
+    if !held {
+        tally[PHOTON_OVERFLOWS] += 1;
     }
 }

@@ -275,13 +275,13 @@ fn deposit(
     let cells = IVec3::new(x as i32, y as i32, z as i32);
     let voxels = Vec3::new(p.dims[0] as f32, p.dims[1] as f32, p.dims[2] as f32);
     let ratio = cells.as_vec3() / voxels;
-    let origin = (event.origin + 0.5) * ratio;
+    let flight = Event { origin: (event.origin + 0.5) * ratio, direction: event.direction * ratio, ..*event };
     let light = event.light * source.toward[3] / p.volume * p.scale;
     let cargo = Cargo { inputs, source, moments, rounding };
     let received = if p.deposit == photon_deposit::TRACK {
-        along(&cargo, cells, origin, event.direction * ratio, event.length, light, tally)
+        along(&cargo, cells, &flight, light, tally)
     } else {
-        spread(&cargo, cells, origin, light, tally)
+        spread(&cargo, cells, flight.origin, light, tally)
     };
     tally[photon_counter::LOST as usize] += i32::from(!received);
 }
@@ -294,16 +294,9 @@ struct Cargo<'a> {
     rounding: Draws,
 }
 
-/// Leaves light along a flight, from a place in cells and so many cells per metre. Whether any cell has a row.
-fn along(
-    cargo: &Cargo<'_>,
-    cells: IVec3,
-    origin: Vec3,
-    direction: Vec3,
-    length: f32,
-    light: f32,
-    tally: &mut Tally,
-) -> bool {
+/// Leaves light along a flight, whose places are in cells. Whether any cell has a row.
+fn along(cargo: &Cargo<'_>, cells: IVec3, flight: &Event, light: f32, tally: &mut Tally) -> bool {
+    let Event { origin, direction, length, .. } = *flight;
     let mut cell = origin.floor().max(Vec3::ZERO).min((cells - 1).as_vec3()).as_ivec3();
     let (mut t, mut received) = (0.0f32, false);
     for _ in 0..cells.x + cells.y + cells.z + 3 {
@@ -392,15 +385,13 @@ fn land(cargo: &Cargo<'_>, cell: i32, light: f32, tally: &mut Tally) -> bool {
 
 /// Adds to an integer, and counts what it does not hold.
 fn add(place: &AtomicI32, value: f32, tally: &mut Tally) {
-    // Also what is not a number.
-    if !(value.abs() < 2_147_483_648.0) {
-        tally[photon_counter::OVERFLOWS as usize] += 1;
-        return;
-    }
-    let more = value as i32;
-    if more != 0 {
-        let before = place.fetch_add(more, Relaxed);
+    let mut held = false;
+    // What is not a number is not held either.
+    if value.abs() < 2_147_483_648.0 {
+        let more = value as i32;
+        let before = if more == 0 { 0 } else { place.fetch_add(more, Relaxed) };
         let after = before.wrapping_add(more);
-        tally[photon_counter::OVERFLOWS as usize] += i32::from((before ^ after) & (more ^ after) < 0);
+        held = (before ^ after) & (more ^ after) >= 0;
     }
+    tally[photon_counter::OVERFLOWS as usize] += i32::from(!held);
 }

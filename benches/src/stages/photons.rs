@@ -22,7 +22,9 @@ impl Rig {
     pub(super) fn photons(&mut self) -> Result<(Stage, u64), DeviceError> {
         const LIGHTS: u32 = 16;
         let cells = UVec3::new(24, 20, 32);
-        let mut params = PhotonParams::new(&lattice(), cells, 1000);
+        // So many scatterings in so many turns are one pass also where software ends long loops.
+        let mut params = PhotonParams::new(&lattice(), cells, 56);
+        params.turns = 512;
         let table = PhotonTable::new(&lattice(), &healpix::directions(NSIDE), LIGHTS, |i, _, out| {
             // Bands of directions, as lights of compact support have.
             let near = (i as u32 / 64) % LIGHTS;

@@ -66,7 +66,7 @@ fn fly(
     dispatches: &[(u32, u32)],
 ) -> Result<Left, Failed> {
     let mut bench = Bench::new(subject)?;
-    let (mut stage, ..) = flown.stage(&mut bench, table, &flown.rows())?;
+    let mut stage = flown.stage(&mut bench, table, &flown.rows())?.stage;
     stage.params.seed = seed;
     for &(round, rounds) in dispatches {
         (stage.params.round, stage.params.rounds) = (round, rounds);

@@ -38,6 +38,13 @@ pub(super) struct Flown {
     pub(super) lights: u32,
 }
 
+/// The stage on a device, and what else its twin takes.
+pub(super) struct Ready {
+    pub(super) stage: Photons,
+    tables: Vec<f32>,
+    majorant: Vec<[f32; 2]>,
+}
+
 /// Voxels of a side of the majorant's cells.
 const CELL: u32 = 2;
 
@@ -74,13 +81,8 @@ impl Flown {
         PhotonTable::new(&self.map.lattice(DIMS), &self.set(), self.lights, weights)
     }
 
-    /// The stage, and what else its twin takes: the tables and the majorant.
-    pub(super) fn stage(
-        &self,
-        bench: &mut Bench,
-        table: &PhotonTable,
-        rows: &[u32],
-    ) -> Result<(Photons, Vec<f32>, Vec<[f32; 2]>), Failed> {
+    /// The stage on a device.
+    pub(super) fn stage(&self, bench: &mut Bench, table: &PhotonTable, rows: &[u32]) -> Result<Ready, Failed> {
         let mut p = PhotonParams::new(&self.map.lattice(DIMS), self.cells, self.max_depth);
         table.place(&mut p);
         let tables = photon_tables(self.bands, &self.phase, &mut p);
@@ -113,7 +115,7 @@ impl Flown {
             counters: bench.room(photon_counter::COUNT as usize, Usage::Output)?,
         };
         let majorant = bench.read(majorant)?;
-        Ok((stage, tables, majorant))
+        Ok(Ready { stage, tables, majorant })
     }
 
     /// A row for every cell.
@@ -172,7 +174,7 @@ fn one(subject: &Subject, record: &mut Record, flown: &Flown) -> Result<(), Fail
     // Each direction has a light of its own, so that every photon's can be told apart, some have none, and some cells no row.
     let alone = |i: usize, _: DVec3, out: &mut Vec<(u32, f64)>| {
         if i % 5 != 2 {
-            out.push((i as u32, if i % 3 == 0 { -0.4 } else { 1.0 }));
+            out.push((i as u32, if i.is_multiple_of(3) { -0.4 } else { 1.0 }));
         }
     };
     let table = flown.table(alone);
@@ -183,7 +185,7 @@ fn one(subject: &Subject, record: &mut Record, flown: &Flown) -> Result<(), Fail
     };
     let rows: Vec<u32> = (0..flown.cells.element_product()).map(&mut row).collect();
     let mut bench = Bench::new(subject)?;
-    let (stage, tables, majorant) = flown.stage(&mut bench, &table, &rows)?;
+    let Ready { stage, tables, majorant } = flown.stage(&mut bench, &table, &rows)?;
     let inputs = PhotonInputs {
         density: &flown.density,
         scattering: flown.scattering.as_deref(),
@@ -216,9 +218,8 @@ fn one(subject: &Subject, record: &mut Record, flown: &Flown) -> Result<(), Fail
             .map(|light| (of(light, &found), of(light, &expected)))
             .partition(|(f, e)| same(f, e));
         record.score("photons", "part of the lights whose photons part", parted.len() as f64 / lit.len() as f64, 0.03);
-        let values =
-            |which: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| kept.iter().flat_map(which).copied().collect::<Vec<f64>>();
-        record.hold("moments", values(|pair| &pair.0), values(|pair| &pair.1));
+        let (f, e): (Vec<_>, Vec<_>) = kept.into_iter().unzip();
+        record.hold("moments", f.into_iter().flatten(), e.into_iter().flatten());
         let counted = bench.read(stage.counters)?;
         for (i, (&found, &expected)) in counted.iter().zip(&counts).enumerate() {
             // Photons that part count differently.

@@ -310,10 +310,11 @@ mod tests {
 
     #[test]
     fn kinds_agree_and_black_media_scatter_nothing() {
-        let sum = |deposit| left(0.6, deposit, 300, |_| ()).0.iter().sum::<f64>();
+        let sum = |deposit| left(0.6, deposit, 2000, |_| ()).0.iter().sum::<f64>();
         let tracks = sum(photon_deposit::TRACK);
         for deposit in [photon_deposit::COLLISION, photon_deposit::ABSORPTION] {
-            assert!((sum(deposit) / tracks - 1.0).abs() < 0.04, "{} {tracks}", sum(deposit));
+            // Seven thousand absorptions.
+            assert!((sum(deposit) / tracks - 1.0).abs() < 0.03, "{} {tracks}", sum(deposit));
             let (moments, counters) = left(0.0, deposit, 10, |_| ());
             assert!(moments.iter().all(|v| *v == 0.0) && counters[photon_counter::DEPOSITS as usize] == 0);
         }
