@@ -5,9 +5,9 @@ use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Instant;
 
-use airlight::scene::Scene;
+use airlight::scene::{Precompute, Scene};
 
-use super::{Lab, compressed, error, media, ordinates, prose, table};
+use super::{Lab, compressed, error, forward, media, ordinates, prose, table};
 use crate::percent;
 
 /// Clusters, and the paper's error and seconds.
@@ -46,9 +46,9 @@ pub(super) fn clusters(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<d
     )?;
     let few = lab.size(162, 42);
     let cells = lab.size(32, 8);
-    medium(page, lab, "smoke", &media::smoke(lab)?, (cells, lab.size(642, 42)))?;
-    medium(page, lab, "reference cloud", &media::forward_cloud(lab)?, (cells, few))?;
-    medium(page, lab, "head", &media::head(lab)?, (cells, few))
+    medium(page, lab, "smoke", &media::smoke(lab)?, ordinates(cells, lab.size(642, 42)))?;
+    medium(page, lab, "reference cloud", &media::forward_cloud(lab)?, forward(cells, few))?;
+    medium(page, lab, "head", &media::head(lab)?, forward(cells, few))
 }
 
 fn medium(
@@ -56,9 +56,10 @@ fn medium(
     lab: &mut Lab<'_>,
     name: &str,
     scene: &Scene,
-    (cells, functions): (u32, u32),
+    options: Precompute,
 ) -> Result<(), Box<dyn Error>> {
-    let made = lab.make(scene, &ordinates(cells, functions))?;
+    let (cells, functions) = (options.cells, options.basis.count());
+    let made = lab.make(scene, &options)?;
     let whole = Arc::new(made.transfer);
     let truth = lab.light(scene, &whole)?.film;
     let survey = made.survey;

@@ -168,18 +168,28 @@ fn with(scene: &Scene, all: AllEstimate) -> Scene {
     Scene { estimate: Estimate { all: Some(all), ..Estimate::none() }, ..scene.clone() }
 }
 
-/// Without compression, by ordinates along 48 directions.
-fn ordinates(cells: u32, functions: u32) -> Precompute {
+/// Without compression, by ordinates along so many directions.
+fn along(directions: u32, cells: u32, functions: u32) -> Precompute {
     Precompute {
         cells,
         basis: LightBasis::Discrete { functions },
-        solver: TransferSolver::Ordinates { directions: 48 },
+        solver: TransferSolver::Ordinates { directions },
         clusters: None,
         ..Precompute::default()
     }
 }
 
-/// Without compression, by photons along tracks.
+/// Without compression, by ordinates along 48 directions: for isotropic media.
+fn ordinates(cells: u32, functions: u32) -> Precompute {
+    along(48, cells, functions)
+}
+
+/// Without compression, by ordinates along 108 directions, as four bands need.
+fn forward(cells: u32, functions: u32) -> Precompute {
+    along(108, cells, functions)
+}
+
+/// Without compression, by photons.
 fn by_photons(cells: u32, functions: u32, count: f64, deposit: Deposit) -> Precompute {
     Precompute { solver: TransferSolver::Photons { count, deposit }, ..ordinates(cells, functions) }
 }

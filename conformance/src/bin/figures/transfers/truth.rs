@@ -9,7 +9,7 @@ use airlight::metric;
 use airlight::scene::{Content, Deposit, Precompute, Scene};
 use airlight_conformance::pictures;
 
-use super::{Lab, apart, blocks, by_photons, direct, ordinates, prose, table, tile};
+use super::{Lab, apart, blocks, by_photons, direct, forward, ordinates, prose, table, tile};
 use crate::{percent, told};
 
 /// A picture of the reference set.
@@ -28,11 +28,11 @@ pub(super) fn truth(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn 
     prose(
         page,
         "The reference cloud in its environment by transfers that are not compressed, against pictures of another \
-         renderer's paths. *Blocks* are means of 8 × 8 pixels. Ordinates go along 48 directions, photons leave light \
-         along their tracks, and *N* is how many there are for each cell of the box's faces and each function. Steps \
-         of a voxel, 4 samples a pixel. Figure 10: [truth, transfer and ten times the \
-         difference](images/figure-10-truth.png), of the last settings by ordinates of each picture: light scattered \
-         once, all orders, and all orders scattered forward.",
+         renderer's paths. *Blocks* are means of 8 × 8 pixels. Ordinates go along 48 directions, or 108 where light is \
+         scattered forward, photons leave light along their tracks, and *N* is how many there are for each cell of the \
+         box's faces and each function. Steps of a voxel, 4 samples a pixel. Figure 10: [truth, transfer and ten times \
+         the difference](images/figure-10-truth.png), of the last settings by ordinates of each picture: light \
+         scattered once, all orders, and all orders scattered forward.",
     )?;
     table(
         page,
@@ -101,6 +101,7 @@ fn settings(lab: &Lab<'_>, truth: &Truth) -> Vec<(String, Precompute)> {
         false => lab.size(&[(24, 162, 10.0), (40, 162, 10.0)], &[(12, 42, 1.0)]),
     };
     let photons = |&(c, f, n): &(u32, u32, f64)| (format!("photons, N = {n}"), by_photons(c, f, n, Deposit::Track));
-    let by_ordinates = swept.iter().map(|&(c, f)| ("ordinates".into(), ordinates(c, f)));
+    let sweep = if isotropic { ordinates } else { forward };
+    let by_ordinates = swept.iter().map(|&(c, f)| ("ordinates".into(), sweep(c, f)));
     by_ordinates.chain(flown.iter().map(photons)).collect()
 }
