@@ -58,13 +58,14 @@ pub(super) fn transfers(
     let mut lab = Lab { renderer: subject.renderer().map_err(told)?, quick, images };
     let mut page = String::from("# Precomputed transfer\n\n");
     let name = &subject.info().map_err(told)?.name;
+    let build = if cfg!(debug_assertions) { ", as built for development" } else { "" };
     let (with, sizes) = if quick { (" --quick", ", in sizes that show only that it works") } else { ("", "") };
     prose(
         &mut page,
         &format!(
             "Zhang, Dong and Ma 2013, tables 1 and 2 and figures 10 to 15, with our media and settings beside theirs. \
              Measured by `cargo run --release -p airlight-conformance --bin figures -- --transfers{with}` on {} \
-             ({name}){sizes}; `--transfers photons` and so on measure one section. The paper's figures are of a \
+             ({name}){build}{sizes}; `--transfers photons` and so on measure one section. The paper's figures are of a \
              laptop's graphics card of 2010 (GeForce GTX 460M). Errors are relative L2 over RGB, of every pixel of the \
              *picture* unless said otherwise. Cells are those along the longest side. Seconds are wall time, of a \
              machine that may have had other work.",
