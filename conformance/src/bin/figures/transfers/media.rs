@@ -68,8 +68,7 @@ pub(super) fn pillars(lab: &Lab<'_>) -> Result<Scene, Box<dyn Error>> {
     let density = |p: DVec3| -> f64 {
         // From 1 inside to 0 within two voxels.
         let inside = |depth: f64| (0.5 + depth / (2.0 * edge)).clamp(0.0, 1.0);
-        let pillar =
-            |&(x, z, top): &(f64, f64, f64)| inside((0.075 - (p.x - x).hypot(p.z - z)).min(f64::from(top) - p.y));
+        let pillar = |&(x, z, top): &(f64, f64, f64)| inside((0.075 - (p.x - x).hypot(p.z - z)).min(top - p.y));
         let floor = inside(0.06 - p.y);
         stands.iter().map(pillar).fold(floor, f64::max).max(0.01)
     };

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use airlight::media::Phase;
 use airlight::metric;
-use airlight::scene::{Content, Deposit, Precompute, Scene};
+use airlight::scene::{Content, Deposit, Precompute};
 use airlight_conformance::pictures;
 
 use super::{Lab, apart, blocks, by_photons, direct, forward, ordinates, prose, table, tile};
@@ -53,7 +53,9 @@ pub(super) fn truth(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn 
         let expected = pictures::truth(file).map_err(told)?;
         let mut shown = Vec::new();
         for (solver, options) in settings(lab, &truth) {
-            let (found, seconds, count) = measured(lab, &scene, &options)?;
+            let made = lab.make(&scene, &options)?;
+            let (seconds, count) = (made.transport.as_secs_f64(), made.survey.rows.len());
+            let found = lab.light(&scene, &Arc::new(made.transfer))?.film.beauty;
             let (cells, functions) = (options.cells, options.basis.count());
             writeln!(
                 page,
@@ -71,18 +73,6 @@ pub(super) fn truth(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn 
         rows.push(vec![expected, found, difference]);
     }
     lab.sheet("figure-10-truth.png", [160, 120], rows, 1.0)
-}
-
-/// The film, the seconds of carrying light, and the transfer's rows.
-fn measured(
-    lab: &mut Lab<'_>,
-    scene: &Scene,
-    options: &Precompute,
-) -> Result<(Vec<[f32; 4]>, f64, usize), Box<dyn Error>> {
-    let made = lab.make(scene, options)?;
-    let rows = made.survey.rows.len();
-    let film = lab.light(scene, &Arc::new(made.transfer))?.film;
-    Ok((film.beauty, made.transport.as_secs_f64(), rows))
 }
 
 /// Solvers by their names, and their options.
