@@ -223,7 +223,10 @@ fn beside_lamp(i: usize) -> bool {
 }
 
 /// RGB and alpha of a picture of the reference set.
-pub(crate) fn truth(name: &str) -> Result<Vec<[f32; 4]>, Failed> {
+///
+/// # Errors
+/// A missing or damaged file.
+pub fn truth(name: &str) -> Result<Vec<[f32; 4]>, Failed> {
     let (image, alpha) = truth::picture(&format!("images/{name}"))?;
     check!((image.width, image.height) == (160, 120), "{name} has {} × {} pixels", image.width, image.height);
     let alpha = alpha.ok_or_else(|| Failed::from(format!("{name} has no channel A")))?;

@@ -36,3 +36,6 @@ done
 
 # Figures 7 and 8 of Zhang, Dong and Ma (2013): light, and a shadow, in spherical harmonics, radial and discrete functions.
 cargo run --release --quiet -p airlight-conformance --bin figures -- --bases --images $out -o "$work/bases.md"
+
+# Figures 10 to 15 of the same: precomputed transfer.
+cargo run --release --quiet -p airlight-conformance --bin figures -- --transfers --images $out -o "$work/transfers.md"

@@ -9,10 +9,11 @@ use std::time::Instant;
 use airlight::basis::{Basis, DiscreteSpherical, RadialFunctions, SphericalHarmonics, healpix};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Beams, Environment, Image, Prefilter};
-use airlight_formats::image::{ToneMap, load_environment, write_png_rgb8};
+use airlight_formats::image::{ToneMap, load_environment};
 use rayon::prelude::*;
 
 use super::percent;
+use super::sheet::sheet;
 
 /// n of the 12·n² directions in which light and its approximation are compared, 0.46° apart.
 const NSIDE: u32 = 128;
@@ -108,7 +109,7 @@ fn lights() -> Result<Vec<(&'static str, Environment)>, Box<dyn Error>> {
 }
 
 /// A light by its radiance in every direction.
-fn made(radiance: impl Fn(DVec3) -> Vec3) -> Result<Environment, Box<dyn Error>> {
+pub(super) fn made(radiance: impl Fn(DVec3) -> Vec3) -> Result<Environment, Box<dyn Error>> {
     let [width, height] = SIZE;
     let texel = |i: u32| radiance(direction(i, SIZE)).to_array();
     Ok(Environment::new(Image { width, height, texels: (0..width * height).map(texel).collect() })?)
@@ -130,7 +131,7 @@ fn checkerboard(d: DVec3) -> Vec3 {
 }
 
 /// A red, a green and a blue disc of 15° in radius before grey.
-fn three_lights(d: DVec3) -> Vec3 {
+pub(super) fn three_lights(d: DVec3) -> Vec3 {
     let lights = [
         (DVec3::new(0.8, 0.4, 0.4), Vec3::new(8.0, 0.4, 0.2)),
         (DVec3::new(-0.5, 0.7, 0.6), Vec3::new(0.3, 6.0, 0.4)),
@@ -219,27 +220,9 @@ fn approximation(
             let gain = (0.35 / light.mean_radiance().max_element()) as f32;
             row.iter_mut().flatten().flatten().for_each(|v| *v *= gain);
         }
-        sheet(&images.join("figure-7-bases.png"), TILE, &rows)?;
+        sheet(&images.join("figure-7-bases.png"), TILE, &rows, ToneMap::LINEAR)?;
     }
     Ok(())
-}
-
-/// Pictures side by side.
-fn sheet(path: &Path, [width, height]: [u32; 2], rows: &[Vec<Vec<[f32; 3]>>]) -> Result<(), Box<dyn Error>> {
-    let gap = 4;
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
-    let (across, down) = (columns * (width + gap) - gap, rows.len() as u32 * (height + gap) - gap);
-    let mut bytes = vec![255; 3 * (across * down) as usize];
-    for (j, row) in (0..).zip(rows) {
-        for (i, tile) in (0..).zip(row) {
-            for (k, pixel) in (0..).zip(tile) {
-                let (x, y) = (i * (width + gap) + k % width, j * (height + gap) + k / width);
-                let at = 3 * (y * across + x) as usize;
-                bytes[at..at + 3].copy_from_slice(&ToneMap::LINEAR.encode(*pixel).map(|v| (v * 255.0).round() as u8));
-            }
-        }
-    }
-    Ok(write_png_rgb8(path, across, down, &bytes)?)
 }
 
 /// Seconds, the least of five times.
@@ -366,7 +349,7 @@ fn shadows(page: &mut String, images: Option<&Path>) -> Result<(), Box<dyn Error
     writeln!(page, "| the light itself | | 0.000 | 1.000 | {:.3} |", truth.iter().sum::<f64>() / f64::from(pixels))?;
     if let Some(images) = images {
         let tile = |values: Vec<f64>| values.into_iter().map(|v| [0.8 * v as f32; 3]).collect();
-        sheet(&images.join("figure-8-shadows.png"), PLANE, &[tiles.into_iter().map(tile).collect()])?;
+        sheet(&images.join("figure-8-shadows.png"), PLANE, &[tiles.into_iter().map(tile).collect()], ToneMap::LINEAR)?;
     }
     Ok(())
 }

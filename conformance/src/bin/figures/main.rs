@@ -2,12 +2,15 @@
 //!
 //! ```text
 //! cargo run --release -p airlight-conformance --bin figures -- -o docs/figures.md --images docs/images
+//! cargo run --release -p airlight-conformance --bin figures -- --transfers -o docs/transfers.md --images docs/images
 //! ```
 
 mod bases;
 mod lights;
 mod orders;
 mod sequences;
+mod sheet;
+mod transfers;
 
 use std::error::Error;
 use std::fmt::Write;
@@ -32,12 +35,18 @@ struct Args {
     /// Writes the page to this file instead of standard output.
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Writes the pictures of bases to this folder.
+    /// Writes the pictures of bases or transfers to this folder.
     #[arg(long)]
     images: Option<PathBuf>,
     /// The sections on bases alone, which need no device.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "transfers")]
     bases: bool,
+    /// The page on precomputed transfer in place of the others, or sections of it: truth, clusters, photons, times, sheets.
+    #[arg(long, value_name = "SECTION", num_args = 0.., value_delimiter = ',')]
+    transfers: Option<Vec<transfers::Section>>,
+    /// That page in sizes that show only that it works.
+    #[arg(long, requires = "transfers")]
+    quick: bool,
 }
 
 /// A number with three digits.
@@ -265,6 +274,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         return written(&page, args.output.as_deref());
     }
     let subject = Subject::of_choice(&args.device);
+    if let Some(sections) = &args.transfers {
+        return transfers::transfers(&subject, sections, args.quick, args.output.as_deref(), args.images.as_deref());
+    }
     let name = subject.open().map_err(told)?.info().name.clone();
     let mut page = String::from("# Figures\n\n");
     writeln!(
