@@ -19,6 +19,7 @@ use airlight::scene::{
     AllEstimate, Deposit, Estimate, Film, LightBasis, Orders, Precompute, Scene, TransferEstimate, TransferSolver,
     TransferSource,
 };
+use airlight::stage::Photons;
 use airlight::transfer::{Matrices, Shape, Transfer, compress};
 use airlight_conformance::Subject;
 use airlight_formats::image::ToneMap;
@@ -192,7 +193,10 @@ fn forward(cells: u32, functions: u32) -> Precompute {
 
 /// Without compression, by photons.
 fn by_photons(cells: u32, functions: u32, count: f64, deposit: Deposit) -> Precompute {
-    Precompute { solver: TransferSolver::Photons { count, deposit }, ..ordinates(cells, functions) }
+    Precompute {
+        solver: TransferSolver::Photons { count, deposit, radius: Photons::RADIUS },
+        ..ordinates(cells, functions)
+    }
 }
 
 /// Light that is scattered once.
