@@ -48,7 +48,10 @@ fn what_is_made_is_told_and_rendered_from() {
 
     let picture = bench.json(render(&["--json"]));
     let stages: Vec<_> = picture["stages"].as_array().unwrap().iter().map(|s| s["stage"].as_str().unwrap()).collect();
-    assert!(stages.ends_with(&["march"]) && ["evaluate", "reconstruct"].iter().all(|s| stages.contains(s)), "{stages:?}");
+    assert!(
+        stages.ends_with(&["march"]) && ["evaluate", "reconstruct"].iter().all(|s| stages.contains(s)),
+        "{stages:?}"
+    );
     // Another light and another eye ask for no other transfer; nor does one in memory differ.
     let moved = ["--set", "environment.radiance=1", "--set", "light.0.to_light=[1,0,0]", "--set", "camera.fov=50"];
     bench.run(render(&moved)).well();
