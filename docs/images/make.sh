@@ -37,11 +37,11 @@ done
 # Figures 7 and 8 of Zhang, Dong and Ma (2013): light, and a shadow, in spherical harmonics, radial and discrete functions.
 cargo run --release --quiet -p airlight-conformance --bin figures -- --bases --images $out -o "$work/bases.md"
 
-# A sky that turns around a cloud, relit by one transfer, and a studio around a head.
+# A sky that turns around a cloud, and a lamp and a studio around a head, each relit by one transfer.
 for name in cumulus head; do
     "$airlight" precompute scenes/$name-turning.toml -o "$work/$name.transfer"
-    for frame in 1 31 61 91; do
-        "$airlight" render scenes/$name-turning.toml --set estimate.all.file="$work/$name.transfer" --set camera.samples=4 \
-            --set "camera.size=[240, 180]" --frames $frame -o $out/$name-turning-##.png
+    for frame in 1 40 80 120; do
+        "$airlight" render scenes/$name-turning.toml --set estimate.all.file="$work/$name.transfer" --size 240x160 --samples 4 \
+            --frames $frame -o $out/$name-turning-###.png
     done
 done
