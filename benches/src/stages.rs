@@ -3,6 +3,7 @@
 mod classify;
 mod matrices;
 mod path;
+mod photons;
 
 use airlight::basis::{SphericalHarmonics, healpix, pixel_integrals};
 use airlight::device::{Buf, Device, DeviceError, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
@@ -31,7 +32,7 @@ pub(crate) const BANDS: u32 = 3;
 pub(crate) const EXTINCTION: f32 = 0.5;
 
 /// The stages that have a benchmark.
-pub const STAGES: [&str; 19] = [
+pub const STAGES: [&str; 20] = [
     "inject",
     "reduce",
     "project",
@@ -51,6 +52,7 @@ pub const STAGES: [&str; 19] = [
     "evaluate",
     "reconstruct",
     "classify",
+    "photons",
 ];
 
 /// A ray of the view, in index space.
@@ -185,6 +187,7 @@ impl Rig {
             "evaluate" => (self.evaluate(1, false), "products"),
             "reconstruct" => (self.reconstruct(1, 1, false), "cells"),
             "classify" => (self.classify(), "voxels"),
+            "photons" => (self.photons(), "photons"),
             "inject" => (self.inject(&gaussians(1000, 64)), "voxels"),
             _ => (Err(DeviceError::Invalid(format!("no benchmark of the stage {name}"))), ""),
         };

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use airlight::device::{
-    Binding, BindingAccess, Buf, Device, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage,
+    Binding, BindingAccess, Buf, Device, Field, FieldFormat, FieldSpec, KernelElement, ResourceId, ResourceSpec, Usage,
 };
 use airlight::stage::Stage;
 use bytemuck::Pod;
@@ -86,7 +86,8 @@ impl Bench {
         Ok(out)
     }
 
-    /// Runs a stage over outputs filled with values that are not numbers, so that what it does not write shows.
+    /// Runs a stage over outputs filled with values that are not numbers, so that what it does not write shows, and over zeros
+    /// where it adds.
     /// Every variant of a case must give the same bits.
     pub(crate) fn run(&mut self, record: &mut Record, stage: &Stage, cut: Cut) -> Result<(), Failed> {
         stage.validate()?;
@@ -119,7 +120,8 @@ impl Bench {
         for binding in passes[0].bindings() {
             if let Binding { id: Some(id), access: BindingAccess::Write(bytes), .. } = binding {
                 let buf = Buf::<f32>::new(id, bytes / 4);
-                self.device.write(id, 0, bytemuck::cast_slice(&vec![f32::NAN; buf.len as usize]))?;
+                let fill = if binding.element == KernelElement::Atomic { 0.0 } else { f32::NAN };
+                self.device.write(id, 0, bytemuck::cast_slice(&vec![fill; buf.len as usize]))?;
                 // What passes leave to each other is no result.
                 if binding.name != "paths" {
                     written.push(buf);

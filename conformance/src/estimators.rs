@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use airlight::basis::{Basis, SphericalHarmonics};
+use airlight::basis::{Basis, DiscreteSpherical, SphericalHarmonics};
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::Phase;
 use airlight::reference::{BruteForce, BruteSettings};
 use airlight::scene::{
     Content, Direct, Elimination, EnvironmentEstimate, ExtractSun, Film, Interpolation, LightsEstimate, Opacity,
-    Records, Scene, Shadow, Solver,
+    RecordBasis, Records, Scene, Shadow, Solver,
 };
 use libtest_mimic::Failed;
 
@@ -63,6 +63,14 @@ pub(crate) fn cases() -> Vec<Case> {
             phase_records,
         )
         .within(&tolerance::BRUTE_HALF_VOXEL),
+        Case::new(
+            "estimators::discrete_records_against_brute_force",
+            "Records of transmittance in discrete functions, swept, and of the phase function, marched, are brute force's \
+             under the same blurred light.",
+            discrete_records,
+        )
+        .within(&tolerance::BRUTE_HALF_VOXEL)
+        .permutes(&discrete()),
         Case::new(
             "estimators::emission_is_scattered",
             "Light of the medium's own, scattered once by the medium, is brute force's.",
@@ -120,6 +128,17 @@ fn fineness() -> Axis<u32> {
 /// Cells of the lights' field, ever finer.
 fn light_cells() -> Axis<u32> {
     Axis::of("cells", [5, 14, HALF_VOXEL])
+}
+
+/// Content, discrete functions and solver.
+fn discrete() -> Axis<(Content, u32, Solver)> {
+    Axis::new(
+        "records",
+        [
+            ("phase, 42, marched", (Content::Phase, 42, Solver::March)),
+            ("transmittance, 162, swept", (Content::Transmittance, 162, Solver::Sweep)),
+        ],
+    )
 }
 
 /// Contents of records with a phase function that they take.
@@ -300,6 +319,32 @@ fn phase_records(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let Sparse { found, expected } = against(&truth, &film);
     record.hold("radiance", found, expected);
     Ok(())
+}
+
+/// The light is blurred, and so is the truth's.
+fn discrete_records(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+    let mut renderer = subject.renderer()?;
+    record.each(&discrete(), |record, &(content, functions, solver)| {
+        let phase = if content == Content::Phase { Phase::HenyeyGreenstein { g: 0.5 } } else { Phase::Isotropic };
+        let mut scene = lit(Map::Mirrored, phase);
+        scene.quality.step = 0.5;
+        let directions = if functions > 100 { 768 } else { 192 };
+        let records =
+            Records { basis: RecordBasis::Discrete(functions), solver, ..options(HALF_VOXEL, 3, directions, content) };
+        let basis = DiscreteSpherical::new(functions)?;
+        let light = scene.environment.as_ref().map(|e| e.coefficients(&basis)).unwrap_or_default();
+        let blurred = |d: DVec3| {
+            let mut sum = DVec3::ZERO;
+            basis.each(d, &mut |k, v| sum += DVec3::from(light[k]) * v);
+            sum
+        };
+        let scene = with(scene, records);
+        let truth = BruteForce::under(&scene, &SETTINGS, blurred);
+        let film = renderer.render(&scene)?.film;
+        let Sparse { found, expected } = against(&truth, &film);
+        record.hold("radiance", found, expected);
+        Ok(())
+    })
 }
 
 /// Light of the medium's own, scattered once by the medium.

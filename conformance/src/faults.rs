@@ -361,9 +361,10 @@ fn cancelled(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     })
 }
 
-/// Every stage.
+/// Every stage that pictures run: `photons` prepares what later pictures read.
 fn stages() -> Axis<&'static str> {
-    Axis::new("stage", Stage::NAMES.map(|name| (name, name)))
+    let run = Stage::NAMES.into_iter().filter(|name| *name != "photons");
+    Axis::new("stage", run.map(|name| (name, name)))
 }
 
 /// The fault of a picture that a device did not render; an error where it is none of a stage of this device.

@@ -46,6 +46,7 @@ mod suite;
 mod suns;
 mod surfaces;
 pub mod tolerance;
+mod transfers;
 mod truth;
 
 use std::path::{Path, PathBuf};
@@ -148,6 +149,7 @@ pub fn cases() -> Vec<Case> {
         sequences::cases(),
         pictures::cases(),
         scattering::cases(),
+        transfers::cases(),
         classification::cases(),
     ];
     groups.into_iter().flatten().collect()

@@ -12,7 +12,7 @@ use airlight::light::{Environment, Light};
 use airlight::media::{Gaussian, Gaussians, GridMedium, Lattice, Optics, Phase};
 use airlight::scene::{
     Camera, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Film, Interpolation,
-    LightsEstimate, Opacity, Quality, Records, Scene, Shadow, Solver,
+    LightsEstimate, Opacity, Quality, RecordBasis, Records, Scene, Shadow, Solver,
 };
 use airlight_formats::{FormatError, volume};
 use libtest_mimic::Failed;
@@ -108,6 +108,7 @@ pub fn records(content: Content, bands: u32, directions: u32) -> Records {
     Records {
         cells: 40,
         bands,
+        basis: RecordBasis::Harmonics,
         directions,
         content,
         interpolation: Interpolation::Trilinear,

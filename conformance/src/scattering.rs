@@ -66,16 +66,16 @@ pub(crate) fn cases() -> Vec<Case> {
     all
 }
 
-fn furnace_phases() -> Axis<Phase> {
+pub(crate) fn furnace_phases() -> Axis<Phase> {
     Axis::new("phase", [("isotropic", Phase::Isotropic), ("hg", Phase::HenyeyGreenstein { g: 0.5 })])
 }
 
 /// Extinction per unit of density, 1/m, over a cloud of about 0.7 m.
-fn depths() -> Axis<f32> {
+pub(crate) fn depths() -> Axis<f32> {
     Axis::new("depth", [("thin", 0.4), ("thick", 30.0)])
 }
 
-fn albedos() -> Axis<f32> {
+pub(crate) fn albedos() -> Axis<f32> {
     Axis::new("albedo", [("half", 0.5), ("high", 0.9)])
 }
 
@@ -85,14 +85,14 @@ fn contents() -> Axis<Content> {
 }
 
 /// A uniform environment, hidden.
-fn uniform(radiance: f32) -> Result<Environment, Failed> {
+pub(crate) fn uniform(radiance: f32) -> Result<Environment, Failed> {
     let mut sky = Environment::new(Image { width: 2, height: 1, texels: vec![[radiance; 3]; 2] })?;
     sky.visible = false;
     Ok(sky)
 }
 
 /// A rough cloud with all orders by grids of as many cells in every estimator.
-fn scattering(optics: Optics, environment: Option<Environment>) -> Scene {
+pub(crate) fn scattering(optics: Optics, environment: Option<Environment>) -> Scene {
     let mut scene = cloud(Map::Sheared, UVec3::new(14, 11, 17), optics);
     scene.environment = environment;
     scene.estimate = Estimate {
@@ -105,10 +105,10 @@ fn scattering(optics: Optics, environment: Option<Environment>) -> Scene {
 }
 
 /// Pixels through which something of the medium is seen.
-const SEEN: f32 = 0.01;
+pub(crate) const SEEN: f32 = 0.01;
 
 /// Holds radiance to alpha, as in a furnace of radiance 1.
-fn hold_white(subject: &Subject, record: &mut Record, scene: &Scene) -> Result<(), Failed> {
+pub(crate) fn hold_white(subject: &Subject, record: &mut Record, scene: &Scene) -> Result<(), Failed> {
     let film = subject.renderer()?.render(scene)?.film;
     let seen = || film.beauty.iter().filter(|p| p[3] > SEEN);
     check!(seen().count() > 40, "only {} pixels show the medium: the case tries nothing", seen().count());

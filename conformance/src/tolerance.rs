@@ -60,6 +60,16 @@ tolerances! {
          place, a density and a cosine: of up to two scatterings and a light beside them 10⁻⁵ is left, more on a glossy wall and \
          where a light falls off. What parts by more than 5·10⁻⁴ counts as another path." }
 
+    /// Light that photons leave that take the same decisions as their twins.
+    PHOTONS { 2e-4, 2e-3,
+        "Values are integers of some hundred to some ten thousand, rounded by the same draws: places and directions after up to four \
+         scatterings are off by 10⁻⁵, which moves lengths within cells by as much and a few integers by one." }
+
+    /// Light that a hundred thousand photons leave, against integrals or other photons.
+    PHOTON_NOISE { 0.025, 0.05,
+        "A cell is crossed by some ten thousand of a hundred thousand photons, whose lengths within it differ by as much as \
+         their mean, and so do moments of a sign with what cancels: 1 to 2 %. Integrals over points and directions add a few thousandths." }
+
     /// Where rays meet triangles.
     HITS { 1e-5, 1e-4,
         "Places of corners and of the eye, good to 2⁻²⁴ of some metres, a dot product of three terms, and a quotient of \
@@ -219,6 +229,29 @@ tolerances! {
     /// As [`MULTIPLE_SKY`], with a phase function of g = 0.5.
     MULTIPLE_FORWARD { 4e-2, f64::INFINITY,
         "Three bands hold an eighth of the phase function's peak as light that goes on; the rest as [`MULTIPLE_SKY`]." }
+
+    /// Unscattered light of a transfer against the reference's, which has the same six bands.
+    TRANSFER_DIRECT { 1e-2, f64::INFINITY,
+        "What is asked of single scattering. Cells of one and a half voxels are interpolated, which costs half a percent; sweeps \
+         blur light across its direction by as much." }
+
+    /// All orders of a transfer against the reference's, in few bands and on a coarse grid.
+    TRANSFER_SKY { 2e-2, f64::INFINITY,
+        "Six bands hold the sky but for half a percent of its picture. Cells of three voxels cost up to two percent at the rim \
+         of the cloud; the published figures are of finer grids and more functions (docs/transfers.md)." }
+
+    /// Photons against ordinates.
+    TRANSFER_PHOTONS { 2.5e-2, f64::INFINITY,
+        "Noise of some thousand photons a cell is under a percent; the rest is what cells of a voxel of rough noise cost either, \
+         which falls from 3 % at cells of 1.4 voxels to under 1.5 % at half of one." }
+
+    /// Clusters against all matrices.
+    TRANSFER_COMPRESSED { 1e-2, f64::INFINITY, "What is asked of 128 clusters on a large grid; here there are as many rows a cluster." }
+
+    /// Toward the eye from each cell against along each ray.
+    TRANSFER_VIEWS { 1e-2, f64::INFINITY,
+        "A cell is a twelfth of a box that fills a third of the picture: directions within it differ by a degree, and so do functions \
+         of three bands." }
 
     /// Coefficients of the environment against the reference's; the largest is of the order of one.
     ENVIRONMENT_COEFFICIENTS { 1e-4, 1e-4,

@@ -10,6 +10,8 @@ mod march;
 mod march_cases;
 mod obstruct;
 mod path;
+mod photon_cases;
+mod photons;
 mod project;
 mod propagate;
 pub(crate) mod reconstruct;
@@ -47,6 +49,7 @@ pub(crate) fn cases() -> Vec<Case> {
         evaluate::cases(),
         reconstruct::cases(),
         classify::cases(),
+        photons::cases(),
     ];
     all.into_iter().flatten().collect()
 }

@@ -10,10 +10,10 @@ use airlight_core::device::{
 };
 use airlight_core::reference::{
     self, AccumulateInputs, ClassifyInputs, CoarsenInputs, EvaluateInputs, IlluminateInputs, InjectInputs, MarchInputs,
-    PathInputs, ProjectInputs, PropagateInputs, ReconstructInputs, ReduceInputs, RelightInputs, ShadeInputs,
-    ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
+    PathInputs, PhotonInputs, ProjectInputs, PropagateInputs, ReconstructInputs, ReduceInputs, RelightInputs,
+    ShadeInputs, ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
 };
-use airlight_core::stage::{Classify, ClassifyParams, Inject, March, Stage};
+use airlight_core::stage::{Classify, ClassifyParams, Inject, March, Photons, Stage};
 use bytemuck::Pod;
 
 /// The backend, for a program to gather.
@@ -157,6 +157,9 @@ impl Toy {
 
     /// Writes what a range of a stage writes. Twins compute a stage whole, so the pieces of one share its result.
     fn run(&mut self, stage: &Stage, range: &Range<u32>) {
+        if let Stage::Photons(photons) = stage {
+            return self.add(photons, range.clone());
+        }
         let whole = match self.last.take() {
             Some((last, whole)) if last == *stage => whole,
             _ => self.twin(stage),
@@ -172,6 +175,26 @@ impl Toy {
             }
         }
         self.last = Some((stage.clone(), whole));
+    }
+
+    /// Adds what photons leave, which is integers, to what is there.
+    fn add(&mut self, s: &Photons, range: Range<u32>) {
+        self.last = None;
+        let inputs = PhotonInputs {
+            density: self.field(s.density),
+            scattering: s.scattering.map(|f| self.field(f)),
+            majorant: self.buffer(s.majorant),
+            tables: self.buffer(s.tables),
+            directions: &self.records(s.directions),
+            weights: self.buffer(s.weights),
+            rows: self.buffer(s.rows),
+        };
+        let (deposits, counters) = reference::photons(&s.params, &inputs, range);
+        for (id, more) in [(s.deposits.id, deposits), (s.counters.id, counters.map(i64::from).to_vec())] {
+            let Some(output) = self.memory.get_mut(&id) else { continue };
+            let sums: &mut [i32] = bytemuck::cast_slice_mut(&mut output.words);
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum = sum.wrapping_add(more as i32));
+        }
     }
 
     /// All that a stage writes. Each pass of a stage that runs in passes leaves all up to its end, so that the last one
@@ -354,6 +377,8 @@ impl Toy {
                 };
                 vec![("in_scatter", reference::reconstruct(&s.params, &inputs))]
             }
+            // Theirs is added.
+            Stage::Photons(_) => Vec::new(),
         }
     }
 
@@ -413,7 +438,8 @@ fn unit(stage: &Stage, output: &Binding, word: usize) -> u32 {
         | Stage::Shadow(_)
         | Stage::Path(_)
         | Stage::Evaluate(_)
-        | Stage::Reconstruct(_) => {
+        | Stage::Reconstruct(_)
+        | Stage::Photons(_) => {
             let part = output.part.unwrap_or(u64::MAX) / 4 / u64::from(stage.group());
             (word as u64 / part) as u32
         }

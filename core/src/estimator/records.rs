@@ -9,6 +9,8 @@
 //! | `phase` (4.4, dynamic) | ∫ p T b_k dω toward the eye | F_k | Σ F_k D_k |
 //! | `radiance` (4.4, static) | ∫ T L Y_k dω | β_l | Σ β_l D_k Y_k(d) |
 //!
+//! Where the light is a factor of its own, b_k may be discrete spherical functions as well as spherical harmonics.
+//!
 //! All weights are integrals over the directions' pixels, not values at their centres, so that in a thin medium the
 //! sum over directions is exact; with `radiance`, each pixel is marched along the mean direction of the light in it.
 
@@ -18,11 +20,11 @@ use glam::DVec3;
 
 use super::ordinates::{Carried, Ordinates};
 use super::{Estimator, InScatter, MediumFields, MeshBuffers, Sources, Y0};
-use crate::basis::{SphericalHarmonics, healpix, pixel_integrals};
+use crate::basis::{Basis, DiscreteSpherical, SphericalHarmonics, healpix, pixel_integrals};
 use crate::device::{Buf, FieldFormat, FieldSpec};
 use crate::exec::{Plan, RenderError};
 use crate::light::Environment;
-use crate::scene::{Content, Elimination, Interpolation, Records, Scene, Solver};
+use crate::scene::{Content, Elimination, Interpolation, RecordBasis, Records, Scene, Solver};
 use crate::stage::{PhaseParams, Project, ProjectParams, Reduce, ReduceParams, Relight, RelightParams, Stage};
 
 impl Estimator for Records {
@@ -71,8 +73,11 @@ struct Setup<'a> {
     scene: &'a Scene,
     nside: u32,
     cells: [u32; 3],
-    /// Bands that are computed: of the light, or as far as the phase function reaches.
+    /// Bands that are computed: of the light, or as far as the phase function reaches. One with discrete functions,
+    /// which the march knows nothing of.
     bands: u32,
+    /// How many discrete functions hold the light in place of the bands.
+    discrete: Option<u32>,
     layers: u32,
     channels: u32,
     weight_channels: u32,
@@ -85,7 +90,12 @@ impl<'a> Setup<'a> {
         let lattice = scene.medium.lattice();
         let radiance = options.content == Content::Radiance;
         // Bands past the phase function's reach are multiplied by zero; without light there is only emission.
-        let bands = if radiance || scene.environment.is_some() { options.bands_of(&optics.phase) } else { 1 };
+        let lit = radiance || scene.environment.is_some();
+        let (bands, discrete) = match options.basis {
+            RecordBasis::Discrete(functions) if lit => (1, Some(functions)),
+            RecordBasis::Harmonics if lit => (options.bands_of(&optics.phase), None),
+            _ => (1, None),
+        };
         let layers = if radiance { bands * bands } else { 1 };
         Self {
             options,
@@ -93,6 +103,7 @@ impl<'a> Setup<'a> {
             nside: options.nside().expect("validated with the scene"),
             cells: options.grid(lattice.edges() * lattice.dims().as_dvec3()),
             bands,
+            discrete,
             layers,
             channels: if optics.is_grey() { 1 } else { 3 },
             weight_channels: if radiance { 3 } else { 1 },
@@ -105,11 +116,19 @@ impl<'a> Setup<'a> {
     }
 
     fn coefficients(&self) -> u32 {
-        self.bands * self.bands
+        self.discrete.unwrap_or(self.bands * self.bands)
     }
 
     fn harmonics(&self) -> SphericalHarmonics {
         SphericalHarmonics::new(self.bands).expect("validated with the scene")
+    }
+
+    /// The functions b_k.
+    fn basis(&self) -> Box<dyn Basis> {
+        match self.discrete {
+            Some(functions) => Box::new(DiscreteSpherical::new(functions).expect("validated with the scene")),
+            None => Box::new(self.harmonics()),
+        }
     }
 
     /// Voxels of a cell along x, y and z, and a fourth value.
@@ -145,7 +164,7 @@ impl<'a> Setup<'a> {
     fn light_key(&self) -> impl std::hash::Hash + use<> {
         let light = self.scene.environment.as_ref();
         let light = light.map(|e| (e.version(), e.scale.to_array().map(f32::to_bits), e.rotation.to_bits()));
-        (light, self.nside, self.bands, self.options.content as u32)
+        (light, self.nside, self.bands, self.discrete, self.options.content as u32)
     }
 
     /// The environment whose light the directions follow, where they do.
@@ -213,16 +232,16 @@ impl<'a> Setup<'a> {
     }
 
     fn weights(&self, plan: &mut Plan<'a>) -> Buf<f32> {
-        let (nside, harmonics, scene) = (self.nside, self.harmonics(), self.scene);
-        let len = u64::from(self.options.directions * self.coefficients() * self.weight_channels);
+        let (nside, basis, scene) = (self.nside, self.basis(), self.scene);
+        let len = u64::from(self.options.directions) * u64::from(self.coefficients() * self.weight_channels);
         if self.options.content == Content::Radiance {
             plan.upload("direction weights", len, &self.light_key(), move || match &scene.environment {
-                Some(e) => e.pixel_moments(nside, &harmonics).iter().flatten().map(|&v| v as f32).collect(),
+                Some(e) => e.pixel_moments(nside, &*basis).iter().flatten().map(|&v| v as f32).collect(),
                 None => vec![0.0; len as usize],
             })
         } else {
-            plan.upload("direction weights", len, &(nside, self.bands), move || {
-                pixel_integrals(nside, &harmonics).iter().map(|&v| v as f32).collect()
+            plan.upload("direction weights", len, &(nside, self.bands, self.discrete), move || {
+                pixel_integrals(nside, &*basis).iter().map(|&v| v as f32).collect()
             })
         }
     }
@@ -293,8 +312,8 @@ impl<'a> Setup<'a> {
     }
 
     fn relight(&self, records: Buf<f32>, emission_records: Option<Buf<f32>>, plan: &mut Plan<'a>) -> Buf<[f32; 4]> {
-        let (content, scene, bands) = (self.options.content, self.scene, self.bands);
-        let harmonics = self.harmonics();
+        let (content, scene, bands, discrete) = (self.options.content, self.scene, self.bands, self.discrete);
+        let (harmonics, basis) = (self.harmonics(), self.basis());
         let window = self.options.window_factors(&scene.optics.phase);
         let (light, emission_weight) = if content == Content::Radiance {
             let moments = scene.optics.phase.moments(bands);
@@ -305,10 +324,12 @@ impl<'a> Setup<'a> {
             let norm = if content == Content::Transmittance { 1.0 / (4.0 * PI) } else { 1.0 };
             let key = (self.light_key(), self.options.window);
             let light = plan.upload("light", self.coefficients().into(), &key, move || {
-                let zero = vec![[0.0; 3]; (bands * bands) as usize];
-                let light = scene.environment.as_ref().map_or(zero, |e| e.project_sh(&harmonics));
-                let faded = light.iter().zip(window).map(|(c, f)| c.map(|v| (v * norm * f) as f32));
-                faded.map(|[r, g, b]| [r, g, b, 0.0]).collect()
+                let light: Vec<[f64; 3]> = match &scene.environment {
+                    Some(e) if discrete.is_some() => e.coefficients(&*basis),
+                    Some(e) => e.project_sh(&harmonics).iter().zip(window).map(|(c, f)| c.map(|v| v * f)).collect(),
+                    None => vec![[0.0; 3]; basis.count()],
+                };
+                light.iter().map(|c| c.map(|v| (v * norm) as f32)).map(|[r, g, b]| [r, g, b, 0.0]).collect()
             });
             (light, norm)
         };

@@ -190,12 +190,7 @@ fn of_environment(
         LightBasis::Discrete { functions } if prefilter != Prefilter::Energy => {
             Ok(prefilter.coefficients(environment, &DiscreteSpherical::new(functions)?))
         }
-        LightBasis::Discrete { .. } | LightBasis::Radial { .. } => {
-            let scale = environment.scale.as_dvec3().to_array();
-            let moments = environment.beams().moments(functions, environment.rotation);
-            let scaled: Vec<[f64; 3]> = moments.iter().map(|m| [0, 1, 2].map(|c| m[c] * scale[c])).collect();
-            functions.coefficients(&scaled)
-        }
+        LightBasis::Discrete { .. } | LightBasis::Radial { .. } => Ok(environment.coefficients(functions)),
     }
 }
 

@@ -37,6 +37,7 @@ struct Flight<'a> {
     survey: &'a Survey,
     channel: usize,
     deposit: Deposit,
+    radius: f32,
     max_depth: u32,
     /// Directions of the set.
     nside: u32,
@@ -60,7 +61,7 @@ impl Renderer {
         &mut self,
         scene: &Scene,
         options: &Precompute,
-        (count, deposit): (f64, Deposit),
+        (count, deposit, radius): (f64, Deposit, f32),
         survey: &Survey,
         lights: &BasisLights,
         channels: &mut [Matrices],
@@ -83,7 +84,7 @@ impl Renderer {
         let each = survey.functions.div_ceil(batches);
         let passes = batches * survey.channels;
         for (channel, matrices) in channels.iter_mut().enumerate() {
-            let flight = Flight { scene, survey, channel, deposit, max_depth: depth, nside, rounds };
+            let flight = Flight { scene, survey, channel, deposit, radius, max_depth: depth, nside, rounds };
             if flight.albedo() == 0.0 || flight.extinction() == 0.0 {
                 continue;
             }
@@ -234,6 +235,7 @@ impl Flight<'_> {
             Deposit::Collision => photon_deposit::COLLISION,
             Deposit::Absorption => photon_deposit::ABSORPTION,
         };
+        params.radius = self.radius;
         params.channel = self.channel as u32;
         (params.densest, params.albedo, params.scale) = (self.extinction(), self.albedo(), load.scale);
         let cells: u64 = survey.cells.iter().map(|&n| u64::from(n)).product();

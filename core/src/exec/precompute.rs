@@ -185,8 +185,8 @@ impl Renderer {
         let lights = BasisLights::new(basis.as_ref(), options.basis.nside(), &harmonics);
         let residual = self.carry_all(scene, options, &lights, &survey, &mut channels, hooks)?;
         let flown = match options.solver {
-            TransferSolver::Photons { count, deposit } => {
-                self.fly_all(scene, options, (count, deposit), &survey, &lights, &mut channels, hooks)?
+            TransferSolver::Photons { count, deposit, radius } => {
+                self.fly_all(scene, options, (count, deposit, radius), &survey, &lights, &mut channels, hooks)?
             }
             TransferSolver::Ordinates { .. } => Flown::default(),
         };

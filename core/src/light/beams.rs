@@ -1,7 +1,7 @@
-//! An environment as some ten thousand directional lights.
+//! An environment as some thirty thousand directional lights.
 //!
 //! What a picture of a million texels sends is summed over the pixels of [`healpix`] into one beam each, from the
-//! luminance-weighted mean direction of the light in it; a pixel that is far brighter than the mean is divided in sixteen.
+//! luminance-weighted mean direction of the light in it; a pixel that is far brighter than the mean is divided in nine.
 //! No light is lost, a small sun stays where it stands, and moments on any basis, turned by any angle, are a short sum. So
 //! a light that turns costs no look at its picture.
 
@@ -11,11 +11,11 @@ use super::Environment;
 use super::projection::LUMINANCE;
 use crate::basis::{Basis, healpix};
 
-/// n of the 12·n² pixels, 1.8° a side.
-const NSIDE: u32 = 32;
+/// n of the 12·n² pixels, 1.2° a side.
+const NSIDE: u32 = 48;
 
 /// Parts of a bright pixel along each of its sides.
-const PARTS: u32 = 4;
+const PARTS: u32 = 3;
 
 /// A pixel is bright that sends so many times the mean luminance: no more than one in sixteen can be.
 const BRIGHT: f64 = 16.0;
@@ -43,6 +43,22 @@ impl Sum {
     /// None where it is dark, or so faint that it has no direction in f64.
     fn beam(&self) -> Option<(DVec3, DVec3)> {
         Some((self.toward.try_normalize()?, self.flux))
+    }
+}
+
+impl Environment {
+    /// The beams of the picture, before scale and rotation. Worked out once for a picture.
+    pub fn beams(&self) -> &Beams {
+        self.content.beams.get_or_init(|| Beams::new(self))
+    }
+
+    /// The coefficients of the light in a basis, scale and rotation included, RGB, from the moments of its
+    /// [`beams`](Self::beams).
+    pub fn coefficients(&self, basis: &dyn Basis) -> Vec<[f64; 3]> {
+        let moments = self.beams().moments(basis, self.rotation);
+        let scale = self.scale.as_dvec3();
+        let coefficients = basis.coefficients(&moments).expect("a moment a function");
+        coefficients.into_iter().map(|c| (DVec3::from(c) * scale).to_array()).collect()
     }
 }
 
@@ -75,8 +91,8 @@ impl Beams {
     /// of the picture before scale.
     ///
     /// Σ_k over functions that sum to 1 is the exact flux of the whole. What a beam misses is the curvature of a function
-    /// over its pixel: next to nothing where light is even or a point, and 4·10⁻³ of the largest moment under a sky with
-    /// a sun, for up to 2562 [discrete spherical functions](crate::basis::DiscreteSpherical).
+    /// over its pixel: nothing where light is a point. Under even light moments of 642 [discrete spherical
+    /// functions](crate::basis::DiscreteSpherical) are good to 0.4 % each, and those of 2562 to 1 %.
     pub fn moments(&self, basis: &dyn Basis, rotation: f64) -> Vec<[f64; 3]> {
         let turn = DMat3::from_rotation_y(rotation.to_radians());
         let mut moments = vec![[0.0; 3]; basis.count()];
@@ -84,13 +100,6 @@ impl Beams {
             basis.each(turn * direction, &mut |k, v| (0..3).for_each(|c| moments[k][c] += flux[c] * v));
         }
         moments
-    }
-}
-
-impl Environment {
-    /// Its beams, made once for the picture.
-    pub fn beams(&self) -> &Beams {
-        self.content.beams.get_or_init(|| Beams::new(self))
     }
 }
 
@@ -151,14 +160,14 @@ mod tests {
         for rotation in [37.0, -151.3] {
             environment.rotation = rotation;
             let exact = environment.project_sh(&harmonics);
-            // Band 5 over pixels of 1/32 rad: 5²/32²/24, and the sun's in sixteen parts.
+            // Band 5 over pixels of 1/48 rad: 5²/48²/24, and the sun's in nine parts.
             let found = error(&beams, &harmonics, &environment, &exact);
             assert!(found < 1e-3, "harmonics at {rotation}: {found}");
             for functions in DiscreteSpherical::FUNCTIONS {
                 let basis = DiscreteSpherical::new(functions).unwrap();
                 let found = error(&beams, &basis, &environment, &environment.moments(&basis));
-                // Second derivatives of up to 6/h² over the sun's parts of 1/128 rad, and what `moments` itself leaves:
-                // 6/0.069² / 128² / 12 for the narrowest.
+                // Second derivatives of up to 6/h² over the sun's parts of 1/144 rad, and what `moments` itself leaves:
+                // 6/0.069² / 144² / 12 for the narrowest.
                 assert!(found < 5e-3, "{functions} at {rotation}: {found}");
             }
         }
@@ -175,7 +184,7 @@ mod tests {
         let mean: DVec3 = beams.iter().map(|(d, flux)| d * flux.dot(LUMINANCE)).sum();
         // A texel of 1.4° is cut into cells of 0.46°.
         assert!(mean.normalize().angle_between(sun.to_light) < 1e-3);
-        // Parts of 0.46° that its bilinear texel of 2.8° touches.
+        // Parts of 0.41° that its bilinear texel of 2.8° touches.
         assert!((20..=64).contains(&beams.iter().count()), "{}", beams.iter().count());
     }
 }

@@ -74,7 +74,7 @@ impl Environment {
         coefficients.into_iter().map(|c| (c * self.scale.as_dvec3()).to_array()).collect()
     }
 
-    /// ∫ L b_k dω for every function of a basis, RGB: cells of at most [`FINE`] with their exact flux, and the functions
+    /// ∫ L b_k dω for every function of a basis, RGB: cells of at most 0.18° with their exact flux, and the functions
     /// at their middles. Σ_k over functions that sum to 1 is the exact flux of the whole.
     pub fn moments(&self, basis: &dyn Basis) -> Vec<[f64; 3]> {
         let mut moments = vec![[0.0; 3]; basis.count()];

@@ -4,13 +4,13 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::lookup::{Samples, Tints, apply, clip, phase, xyz};
+use super::flight::{Bends, Draws, Ground, Walk, around, choose};
+use super::lookup::{Samples, Tints, apply, xyz};
 use super::march::incident;
 use super::mesh::{Hit, nearest};
 use super::sky::sky;
 use super::trace::view;
-use crate::random::{hash, unit};
-use crate::stage::{FAR, LightRecord, MeshRecord, Path, PathParams, PathRecord, PhaseParams};
+use crate::stage::{FAR, LightRecord, MeshRecord, Path, PathParams, PathRecord};
 
 /// What the bindings of [`Path`](crate::stage::Path) hold.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +48,8 @@ pub fn path(params: &PathParams, inputs: &PathInputs<'_>) -> (Vec<f64>, Vec<f64>
         let (mut light, mut through, mut squares, mut stopped, mut stopped_at) =
             (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0, 0.0);
         for sample in 0..params.samples {
-            let tracer = Tracer { params, inputs, pixel, sample, draws: 0, found: Found::default() };
+            let draws = Draws::new(pixel, sample, params.frame);
+            let tracer = Tracer { params, inputs, pixel, draws, found: Found::default() };
             let found = tracer.trace();
             light += found.light;
             through += found.through;
@@ -80,8 +81,7 @@ struct Tracer<'a> {
     params: &'a PathParams,
     inputs: &'a PathInputs<'a>,
     pixel: u32,
-    sample: u32,
-    draws: u32,
+    draws: Draws,
     found: Found,
 }
 
@@ -94,15 +94,6 @@ struct Collision {
     emission: DVec3,
 }
 
-/// A walk along a ray.
-struct Walk {
-    origin: DVec3,
-    direction: DVec3,
-    t: f64,
-    far: f64,
-    cell: [i64; 3],
-}
-
 /// Where a path scatters.
 struct Spot {
     place: DVec3,
@@ -113,10 +104,7 @@ struct Spot {
 
 impl Tracer<'_> {
     fn draw(&mut self) -> f64 {
-        let key = |half: u32| hash([self.sample, self.pixel, self.params.frame.wrapping_mul(2).wrapping_add(half)]);
-        let number = self.draws;
-        self.draws += 1;
-        unit(hash([key(1), key(0).wrapping_add(number)])).into()
+        self.draws.draw()
     }
 
     fn trace(mut self) -> Found {
@@ -258,46 +246,28 @@ impl Tracer<'_> {
         }
     }
 
+    fn ground(&self) -> Ground<'_> {
+        let (p, majorant) = (self.params, self.inputs.majorant);
+        Ground { dims: p.dims, cells: p.majorant_cells, majorant, densest: p.densest, least: p.least }
+    }
+
     fn walk(&self, place: DVec3, d: DVec3, limit: f64) -> Walk {
         let p = self.params;
         let rows = [p.index_x, p.index_y, p.index_z];
-        let (origin, direction) = (xyz(p.eye) + apply(rows, place), apply(rows, d));
-        let (near, far) = clip(origin, direction, p.dims, limit);
-        let at = (origin + near * direction + 0.5) / f64::from(p.majorant_cells[3]);
-        let cell = [0, 1, 2].map(|a| (at[a].floor() as i64).clamp(0, i64::from(p.majorant_cells[a]) - 1));
-        Walk { origin, direction, t: near, far, cell }
+        self.ground().walk(xyz(p.eye) + apply(rows, place), apply(rows, d), limit)
     }
 
     /// The next tentative collision of a walk.
     fn next(&mut self, walk: &mut Walk) -> Option<Collision> {
-        let p = self.params;
-        let [x, y, z, side] = p.majorant_cells.map(i64::from);
-        while walk.t < walk.far && (0..3).all(|a| (0..[x, y, z][a]).contains(&walk.cell[a])) {
-            let leave = |a: usize| {
-                let wall = ((walk.cell[a] + i64::from(walk.direction[a] > 0.0)) * side) as f64 - 0.5;
-                let leave = (wall - walk.origin[a]) / walk.direction[a];
-                if walk.direction[a] == 0.0 { f64::INFINITY } else { leave }
-            };
-            let axis = [0, 1, 2].into_iter().min_by(|&a, &b| leave(a).total_cmp(&leave(b))).unwrap_or(0);
-            let exit = leave(axis).min(walk.far);
-            let most = self.inputs.majorant[((walk.cell[2] * y + walk.cell[1]) * x + walk.cell[0]) as usize][1];
-            let rate = if most > 0.0 { f64::from(most * p.densest).max(p.least.into()) } else { 0.0 };
-            if rate > 0.0 {
-                let t = walk.t - (1.0 - self.draw()).ln() / rate;
-                if t < exit {
-                    walk.t = t;
-                    return Some(self.collision(walk, rate));
-                }
-            }
-            walk.t = walk.t.max(exit);
-            walk.cell[axis] += if walk.direction[axis] > 0.0 { 1 } else { -1 };
-        }
-        None
+        let mut draws = self.draws;
+        let rate = self.ground().next(walk, &mut draws);
+        self.draws = draws;
+        rate.map(|rate| self.collision(walk, rate))
     }
 
     fn collision(&self, walk: &Walk, rate: f64) -> Collision {
         let (p, inputs) = (self.params, self.inputs);
-        let at = walk.origin + walk.t * walk.direction;
+        let at = walk.place();
         let density = Samples::new(inputs.density, p.dims).trilinear(at);
         let scatters = Tints::new(inputs.scattering, inputs.density, p.dims).trilinear(at);
         let seen = Tints::new(inputs.seen.or(inputs.scattering), inputs.density, p.dims).trilinear(at);
@@ -339,9 +309,7 @@ impl Tracer<'_> {
     }
 
     fn choose(&mut self, at: u32, count: u32) -> u32 {
-        let place = ((self.draw() * f64::from(count)) as u32).min(count - 1);
-        let item = at + Path::CHOICE * place;
-        if self.draw() < self.value(item) { place } else { self.value(item + 1) as u32 }
+        choose(&self.inputs.tables[at as usize..], count, &mut self.draws)
     }
 
     fn chance(&self, item: u32) -> f64 {
@@ -370,8 +338,9 @@ impl Tracer<'_> {
         self.value(p.sky_at + Path::CHOICE * number + 2) * self.chance(p.lights)
     }
 
-    fn phase_table(&self) -> &[f32] {
-        &self.inputs.tables[self.params.phase_at as usize..][..self.params.phase_size as usize]
+    fn bends(&self) -> Bends<'_> {
+        let p = self.params;
+        Bends::new(p.phase_kind, p.phase, self.inputs.tables, p.phase_at, p.phase_size, p.bends_at)
     }
 
     /// Diffuse and specular reflectance, and the exponent.
@@ -383,10 +352,7 @@ impl Tracer<'_> {
 
     /// The share of light from `toward` that is scattered back, per steradian: on a surface times the cosine.
     fn scattered(&self, spot: &Spot, toward: DVec3) -> DVec3 {
-        let p = self.params;
-        let Some(hit) = &spot.surface else {
-            return DVec3::splat(phase(p.phase_kind, p.phase, self.phase_table(), toward.dot(spot.from)));
-        };
+        let Some(hit) = &spot.surface else { return DVec3::splat(self.bends().phase(toward.dot(spot.from))) };
         let facing = hit.normal.dot(toward);
         if facing <= 0.0 || hit.facet.dot(toward) <= 0.0 {
             return DVec3::ZERO;
@@ -405,16 +371,7 @@ impl Tracer<'_> {
 
     /// The probability that a path goes on toward `toward`, per steradian.
     fn density(&self, spot: &Spot, toward: DVec3) -> f64 {
-        let p = self.params;
-        let Some(hit) = &spot.surface else {
-            let c = toward.dot(spot.from);
-            if p.phase_kind != PhaseParams::TABLE {
-                return phase(p.phase_kind, p.phase, &[], c);
-            }
-            let last = p.phase_size - 1;
-            let piece = (c.clamp(-1.0, 1.0).acos() / PI * f64::from(last)) as u32;
-            return self.value(p.bends_at + Path::CHOICE * piece.min(last - 1) + 2);
-        };
+        let Some(hit) = &spot.surface else { return self.bends().density(toward.dot(spot.from)) };
         let n = self.material(hit).2;
         let cosine = mirrored(hit, spot.from).dot(toward).max(0.0);
         let part = self.dull(hit);
@@ -454,47 +411,16 @@ impl Tracer<'_> {
                 around(mirrored(hit, spot.from), c, self.draw())
             };
         }
-        let p = self.params;
-        let c = match p.phase_kind {
-            PhaseParams::HENYEY_GREENSTEIN => {
-                let [forward, backward, weight, _] = p.phase.map(f64::from);
-                let g = if weight == 1.0 || self.draw() < weight { forward } else { backward };
-                let x = 2.0 * self.draw() - 1.0;
-                // The textbook's inverse, which divides by g.
-                let base = (1.0 - g * g) / (1.0 + g * x);
-                if g.abs() < 1e-9 { x } else { (1.0 + g * g - base * base) / (2.0 * g) }
-            }
-            PhaseParams::RAYLEIGH => {
-                let q = 4.0 * self.draw() - 2.0;
-                let root = (q + (q * q + 1.0).sqrt()).cbrt();
-                root - 1.0 / root
-            }
-            PhaseParams::TABLE => {
-                let last = p.phase_size - 1;
-                let piece = self.choose(p.bends_at, last);
-                let edge = |i: u32| (PI * f64::from(i) / f64::from(last)).cos();
-                edge(piece) + (edge(piece + 1) - edge(piece)) * self.draw()
-            }
-            _ => 2.0 * self.draw() - 1.0,
-        };
-        around(spot.from, c.clamp(-1.0, 1.0), self.draw())
+        let mut draws = self.draws;
+        let c = self.bends().draw(&mut draws);
+        self.draws = draws;
+        around(spot.from, c, self.draw())
     }
 }
 
 /// The direction that a surface mirrors a ray in.
 fn mirrored(hit: &Hit, from: DVec3) -> DVec3 {
     from - 2.0 * from.dot(hit.normal) * hit.normal
-}
-
-/// The direction at cosine `c` to a unit `d`, so many turns around it.
-fn around(d: DVec3, c: f64, turn: f64) -> DVec3 {
-    let s = if d.z >= 0.0 { 1.0 } else { -1.0 };
-    let a = -1.0 / (s + d.z);
-    let b = d.x * d.y * a;
-    let (u, v) = (DVec3::new(1.0 + s * d.x * d.x * a, s * b, -s * d.x), DVec3::new(b, s + d.y * d.y * a, -d.y));
-    let (sin, cos) = (2.0 * PI * turn).sin_cos();
-    let planar = (1.0 - c * c).max(0.0).sqrt();
-    (planar * (cos * u + sin * v) + c * d).normalize()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::TransferEstimate;
-use crate::basis::{GRAM_TOLERANCE, SphericalHarmonics, Window, gram_error, healpix};
+use crate::basis::{DiscreteSpherical, GRAM_TOLERANCE, SphericalHarmonics, Window, gram_error, healpix};
 use crate::media::Phase;
 use crate::scene::Material;
 
@@ -189,6 +189,8 @@ pub struct Records {
     pub cells: u32,
     /// Bands of spherical harmonics.
     pub bands: u32,
+    /// In which functions the light is kept, where it is.
+    pub basis: RecordBasis,
     /// Directions per record: 12·n² for a whole n.
     pub directions: u32,
     /// What a record holds.
@@ -210,6 +212,7 @@ impl Default for Records {
         Self {
             cells: 50,
             bands: 3,
+            basis: RecordBasis::Harmonics,
             directions: 48,
             content: Content::Radiance,
             interpolation: Interpolation::Trilinear,
@@ -219,6 +222,23 @@ impl Default for Records {
             window: Window::None,
         }
     }
+}
+
+/// In which functions light is kept ([`Content::Transmittance`], [`Content::Phase`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum RecordBasis {
+    /// In [`Records::bands`] bands of spherical harmonics.
+    #[default]
+    Harmonics,
+    /// In so many [discrete spherical functions](crate::basis::DiscreteSpherical).
+    Discrete(u32),
+}
+
+impl RecordBasis {
+    /// Numbers of discrete functions that records take.
+    pub const FUNCTIONS: [u32; 4] = [12, 42, 162, 642];
+    /// Discrete functions unless another number is asked for.
+    pub const DISCRETE: u32 = 42;
 }
 
 /// How the light of each direction reaches the cells.
@@ -448,7 +468,10 @@ impl Records {
             Content::Radiance => self.bands.min(phase.reach().unwrap_or(u32::MAX)),
             Content::Transmittance | Content::Phase => self.bands,
         };
-        resolved(self.directions, bands)?;
+        match self.basis {
+            RecordBasis::Harmonics => resolved(self.directions, bands)?,
+            RecordBasis::Discrete(functions) => self.discrete(functions)?,
+        }
         if matches!(self.elimination, Elimination::Probes(_)) && self.solver == Solver::Sweep {
             return Err(EstimateError::Conflict(
                 "sweeps fill every cell, and probes would leave some out; take solver = \"march\" or elimination = \"exact\""
@@ -470,6 +493,31 @@ impl Records {
             ));
         }
         Ok(())
+    }
+
+    /// What records in discrete functions ask for.
+    fn discrete(&self, functions: u32) -> Result<(), EstimateError> {
+        let wrong = |range: String| Err(EstimateError::Range { key: "basis.functions", value: functions, range });
+        if !RecordBasis::FUNCTIONS.contains(&functions) {
+            return wrong(format!("{:?} can be had", RecordBasis::FUNCTIONS));
+        }
+        let conflict = |text: &str| Err(EstimateError::Conflict(text.into()));
+        if self.content == Content::Radiance {
+            return conflict(
+                "content = \"radiance\" is moments of spherical harmonics, band by band of the phase function; basis = \"dsf\" \
+                 holds the light of content = \"transmittance\" and \"phase\"",
+            );
+        }
+        if self.window != Window::None {
+            return conflict("window fades bands, and basis = \"dsf\" has none; leave one of them out");
+        }
+        let most = SphericalHarmonics::DEVICE_BANDS.pow(2);
+        if self.solver == Solver::March && functions > most {
+            return wrong(format!(
+                "solver = \"march\" holds {most} functions; take 42, or solver = \"sweep\" where content is \"transmittance\""
+            ));
+        }
+        resolving(self.directions, &format!("{functions} discrete spherical functions"), || coarsest_for(functions))
     }
 }
 
@@ -498,14 +546,19 @@ fn nside(directions: u32) -> Option<u32> {
 
 /// An error unless HEALPix has so many directions and they keep the bands apart.
 pub(super) fn resolved(directions: u32, bands: u32) -> Result<(), EstimateError> {
+    resolving(directions, &format!("{bands} bands of spherical harmonics"), || coarsest_nside(bands))
+}
+
+/// An error unless HEALPix has so many directions, and at least those of the `coarsest` n that `what` needs.
+fn resolving(directions: u32, what: &str, coarsest: impl FnOnce() -> u32) -> Result<(), EstimateError> {
     let wrong = |range: String| Err(EstimateError::Range { key: "directions", value: directions, range });
     if nside(directions).is_none() {
         let n = (f64::from(directions) / 12.0).sqrt().ceil().clamp(1.0, Records::MAX_NSIDE.into()) as u32;
         return wrong(format!("HEALPix takes 12·n² directions with n from 1 to 64; the next is {}", 12 * n * n));
     }
-    let coarsest = 12 * coarsest_nside(bands).pow(2);
+    let coarsest = 12 * coarsest().pow(2);
     if directions < coarsest {
-        return wrong(format!("{bands} bands of spherical harmonics need at least {coarsest} directions"));
+        return wrong(format!("{what} need at least {coarsest} directions"));
     }
     Ok(())
 }
@@ -535,6 +588,18 @@ fn coarsest_nside(bands: u32) -> u32 {
         SphericalHarmonics::new(bands).is_ok_and(|basis| gram_error(&basis, &directions, &weights) <= GRAM_TOLERANCE)
     };
     let index = (bands as usize).clamp(1, FOUND.len()) - 1;
+    *FOUND[index].get_or_init(|| (1..=Records::MAX_NSIDE).find(fits).unwrap_or(Records::MAX_NSIDE))
+}
+
+/// The smallest n for which 12·n² HEALPix directions keep so many discrete functions apart, by the same measure.
+fn coarsest_for(functions: u32) -> u32 {
+    static FOUND: [OnceLock<u32>; RecordBasis::FUNCTIONS.len()] = [const { OnceLock::new() }; 4];
+    let fits = |n: &u32| {
+        let directions = healpix::directions(*n);
+        let weights = vec![healpix::weight(*n); directions.len()];
+        DiscreteSpherical::new(functions).is_ok_and(|basis| basis.gram_error(&directions, &weights) <= GRAM_TOLERANCE)
+    };
+    let index = RecordBasis::FUNCTIONS.iter().position(|&n| n == functions).unwrap_or(0);
     *FOUND[index].get_or_init(|| (1..=Records::MAX_NSIDE).find(fits).unwrap_or(Records::MAX_NSIDE))
 }
 
@@ -600,5 +665,27 @@ mod tests {
         // An isotropic medium asks for one band, whatever the option says.
         assert!(options(10, 12, Content::Radiance).validate(&Phase::Isotropic).is_ok());
         assert!(options(3, 100, Content::Phase).validate(&hg).is_err(), "not 12·n²");
+    }
+
+    #[test]
+    fn discrete_functions_hold_light_and_nothing_else() {
+        assert_eq!(RecordBasis::FUNCTIONS.map(coarsest_for), [2, 4, 8, 15]);
+        let options = |functions, directions| Records {
+            basis: RecordBasis::Discrete(functions),
+            directions,
+            content: Content::Transmittance,
+            ..Records::default()
+        };
+        let told = |records: Records| match records.validate(&Phase::Isotropic) {
+            Ok(()) => String::new(),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(told(options(42, 192)), "");
+        assert_eq!(told(Records { solver: Solver::March, ..options(42, 192) }), "");
+        assert!(told(options(100, 192)).starts_with("basis.functions = 100; [12, 42, 162, 642] can be had"));
+        assert!(told(options(162, 48)).contains("162 discrete spherical functions need at least"));
+        assert!(told(Records { solver: Solver::March, ..options(162, 768) }).contains("holds 100 functions"));
+        assert!(told(Records { content: Content::Radiance, ..options(42, 192) }).contains("\"transmittance\""));
+        assert!(told(Records { window: Window::Lanczos, ..options(42, 192) }).contains("window fades bands"));
     }
 }

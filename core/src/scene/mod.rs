@@ -20,8 +20,8 @@ pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
-    LightsEstimate, Local, Opacity, Orders, Path, Records, ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow,
-    Sweeps,
+    LightsEstimate, Local, Opacity, Orders, Path, RecordBasis, Records, ScatteringEstimate, Scheme, Shadow, Solver,
+    SurfaceShadow, Sweeps,
 };
 pub use film::Film;
 pub use hierarchy::Hierarchy;

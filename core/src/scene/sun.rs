@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use super::{Content, EnvironmentEstimate, ExtractSun, LightsEstimate, Records, Scene, Scheme, Shadow};
+use super::{Content, EnvironmentEstimate, ExtractSun, LightsEstimate, RecordBasis, Records, Scene, Scheme, Shadow};
 use crate::basis::window::{Ringing, ringing};
 use crate::basis::{SphericalHarmonics, Window};
 use crate::light::{Cost, Environment, Light, Split, half_space};
@@ -137,11 +137,11 @@ impl Scene {
     /// How far the light that records make of the environment (without its sun where that is taken out) falls below
     /// zero; none without records or environment.
     ///
-    /// With `transmittance` and `phase` it is the truncated environment; with `radiance` what an unshadowed point
-    /// scatters, for all directions of view.
+    /// With `transmittance` and `phase` it is the truncated environment, which in discrete functions never does; with
+    /// `radiance` what an unshadowed point scatters, for all directions of view.
     pub fn negative(&self) -> Option<Negative> {
         let scene = self.lit();
-        let records = scene.records()?;
+        let records = scene.records().filter(|records| records.basis == RecordBasis::Harmonics)?;
         let basis = SphericalHarmonics::new(records.bands_of(&scene.optics.phase)).ok()?;
         let beta = match records.content {
             Content::Radiance => scene.optics.phase.moments(basis.bands()),
@@ -177,7 +177,12 @@ impl Records {
 
     fn cost(&self, environment: &Environment, phase: &Phase) -> Option<Cost> {
         let (shadow, phase) = (half_space(SphericalHarmonics::MAX_BANDS), phase.moments(SphericalHarmonics::MAX_BANDS));
-        let cost = |kernel: &[f64]| environment.cost(kernel, self.bands);
+        // Discrete functions blur as much as about as many spherical harmonics leave out.
+        let bands = match self.basis {
+            RecordBasis::Harmonics => self.bands,
+            RecordBasis::Discrete(functions) => functions.isqrt(),
+        };
+        let cost = |kernel: &[f64]| environment.cost(kernel, bands);
         match self.content {
             Content::Transmittance => cost(&shadow),
             Content::Radiance => cost(&phase),

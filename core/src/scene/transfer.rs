@@ -6,6 +6,7 @@ use super::estimate::{EstimateError, Orders, Records, range, resolved};
 use crate::basis::{Basis, BasisError, DiscreteSpherical, RadialFunctions, SphericalHarmonics};
 use crate::light::Prefilter;
 use crate::media::Phase;
+use crate::stage::Photons;
 use crate::transfer::Transfer;
 
 /// The functions on the sphere that light is described by.
@@ -64,6 +65,8 @@ pub enum TransferSolver {
         count: f64,
         /// Where they leave light.
         deposit: Deposit,
+        /// Cells around a collision that get something of it, unless light is left along tracks.
+        radius: f32,
     },
     /// By discrete ordinates ([`stage::Sweep`](crate::stage::Sweep)): without noise.
     Ordinates {
@@ -111,7 +114,11 @@ impl Default for Precompute {
             cells: 64,
             basis,
             bands: 4,
-            solver: TransferSolver::Photons { count: Self::photons(basis), deposit: Deposit::Track },
+            solver: TransferSolver::Photons {
+                count: Self::photons(basis),
+                deposit: Deposit::Track,
+                radius: Photons::RADIUS,
+            },
             orders: Orders::default(),
             clusters: Some(128),
             components: 4,
@@ -160,6 +167,10 @@ impl Precompute {
         self.orders.validate()?;
         match self.solver {
             TransferSolver::Ordinates { directions } => resolved(directions, self.bands_of(phase)),
+            TransferSolver::Photons { radius, .. } if !(1.0..=Photons::FARTHEST).contains(&radius) => {
+                let range = Photons::FARTHEST;
+                Err(EstimateError::Conflict(format!("radius = {radius}; it must be from 1 to {range} cells")))
+            }
             TransferSolver::Photons { count, .. } if count > 0.0 && count <= Self::MAX_PHOTONS => Ok(()),
             TransferSolver::Photons { count, .. } => Err(EstimateError::Conflict(format!(
                 "photons = {count}; it must be above 0 and at most {}",

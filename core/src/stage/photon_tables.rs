@@ -93,3 +93,39 @@ pub fn photon_tables(bands: u32, phase: &Phase, params: &mut PhotonParams) -> Ve
     }
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DMat3, UVec3};
+
+    use super::*;
+    use crate::basis::healpix;
+
+    #[test]
+    fn walls_share_what_enters_by_their_areas() {
+        let edges = DMat3::from_cols(DVec3::new(0.5, 0.1, 0.0), DVec3::new(0.0, 0.3, 0.2), DVec3::new(-0.1, 0.0, 0.4));
+        let lattice = Lattice::new(UVec3::new(3, 4, 2), DAffine3::from_mat3(edges)).unwrap();
+        let set = healpix::directions(4);
+        let table = PhotonTable::new(&lattice, &set, 1, |i, _, out| {
+            if i % 3 > 0 {
+                out.push((0, 0.5));
+            }
+        });
+        assert_eq!(table.directions.len(), 128);
+        let [a, b, c] = [3.0 * edges.x_axis, 4.0 * edges.y_axis, 2.0 * edges.z_axis];
+        for of in &table.directions {
+            let toward = set[of.number as usize];
+            let areas = [b.cross(c), c.cross(a), a.cross(b)].map(|wall| wall.dot(toward).abs());
+            let seen: f64 = areas.iter().sum();
+            assert!((f64::from(of.toward[3]) / (4.0 * PI * seen) - 1.0).abs() < 1e-6);
+            assert!((f64::from(of.first) - areas[0] / seen).abs() < 1e-6);
+            assert!((f64::from(of.second) - (areas[0] + areas[1]) / seen).abs() < 1e-6);
+            assert_eq!((of.count, table.weights[of.weights as usize]), (1, [0.0, 0.5]));
+        }
+        // All of it: the mean area that a convex body shows is a quarter of its surface.
+        let all = PhotonTable::new(&lattice, &set, 1, |_, _, out| out.push((0, 1.0)));
+        let mean = all.directions.iter().map(|of| f64::from(of.toward[3])).sum::<f64>() / 192.0;
+        let surface = 2.0 * (b.cross(c).length() + c.cross(a).length() + a.cross(b).length());
+        assert!((mean / (PI * surface) - 1.0).abs() < 0.01, "{mean} {surface}");
+    }
+}

@@ -379,25 +379,111 @@ impl Kernel for Photons {
 
     fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
         let (p, each) = (&self.params, self.turns());
-        let flights = p.end - p.begin;
-        // The kernel's own: to trace a few flights and to leave their light, and once more to find that there are no more.
-        let traced = u64::from(p.turns) + 4;
-        let all = u64::from(flights.div_ceil(Self::EVENTS)).saturating_mul(traced);
-        if all.saturating_add(u64::from(flights).saturating_mul(each)) <= turns {
-            return Ok(vec![self.clone()]);
-        }
-        let some = turns.saturating_sub(traced) / each;
+        // Photons that run abreast are followed one after another for some flights, whose light they then leave together.
+        let (events, traced) = (u64::from(Self::EVENTS), u64::from(p.turns) + 4);
+        let group = events.saturating_mul(each).saturating_add(traced);
+        let some = events * (turns / group) + (turns % group).saturating_sub(traced) / each;
         require!(
             some > 0,
             "the light of a flight takes up to {each} turns of loops and its photon up to {traced}, and {turns} are allowed: \
              fewer lights, cells or bands at a time, a smaller radius or fewer turns of a photon need less"
         );
-        let some = (some as u32).min(Self::EVENTS);
+        let some = some.min((p.end - p.begin).into()) as u32;
         let pass = |begin: u32| {
             let mut pass = self.clone();
-            (pass.params.begin, pass.params.end) = (begin, (begin + some).min(p.end));
+            (pass.params.begin, pass.params.end) = (begin, begin.saturating_add(some).min(p.end));
             pass
         };
         Ok((p.begin..p.end).step_by(some as usize).map(pass).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::basis::healpix;
+    use crate::device::{FieldSpec, ResourceId};
+    use crate::media::Phase;
+    use crate::stage::{PhotonTable, photon_tables};
+
+    fn photons(deposit: u32) -> Photons {
+        let lattice = Lattice::in_box(UVec3::new(9, 6, 10), DVec3::ZERO, DVec3::new(1.8, 1.2, 2.0)).unwrap();
+        let mut params = PhotonParams::new(&lattice, UVec3::new(4, 3, 5), 40);
+        let table = PhotonTable::new(&lattice, &healpix::directions(1), 2, |i, _, out| {
+            out.extend([(0, 1.0), (1, i as f64)]);
+        });
+        table.place(&mut params);
+        let tables = photon_tables(2, &Phase::Isotropic, &mut params);
+        params.majorant_cells = [2, 1, 2, 8];
+        (params.rounds, params.lights, params.rows, params.deposit) = (3, 2, 60, deposit);
+        (params.turns, params.densest, params.albedo, params.scale) = (100, 2.0, 0.5, 10.0);
+        let spec = FieldSpec { dims: [9, 6, 10], layers: 1, format: FieldFormat::Scalar };
+        Photons {
+            params,
+            density: Field { id: ResourceId(0), spec },
+            scattering: None,
+            majorant: Buf::new(ResourceId(1), 4),
+            tables: Buf::new(ResourceId(2), tables.len() as u64),
+            directions: Buf::new(ResourceId(3), table.directions.len() as u64),
+            weights: Buf::new(ResourceId(4), table.weights.len() as u64),
+            rows: Buf::new(ResourceId(5), 60),
+            deposits: Buf::new(ResourceId(6), params.deposits()),
+            counters: Buf::new(ResourceId(7), photon_counter::COUNT.into()),
+        }
+    }
+
+    #[test]
+    fn passes_take_every_flight_once() {
+        for deposit in [photon_deposit::TRACK, photon_deposit::COLLISION] {
+            let stage = photons(deposit);
+            for some in [1u64, 3, 8, 19, 100] {
+                let turns = 104 * some.div_ceil(8) + some * stage.turns();
+                let passes = stage.passes(turns).unwrap();
+                let mut begin = 1;
+                for pass in &passes {
+                    assert_eq!((pass.validate(), pass.params.begin), (Ok(()), begin));
+                    begin = pass.params.end;
+                    assert!(u64::from(pass.params.end - pass.params.begin) <= some);
+                }
+                assert_eq!((begin, passes.len() as u64), (41, 40u64.div_ceil(some)));
+            }
+            assert!(stage.passes(104 + stage.turns() - 1).unwrap_err().contains("a smaller radius"));
+            assert_eq!(stage.passes(u64::MAX).unwrap().len(), 1);
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let wrong = |change: fn(&mut Photons)| {
+            let mut photons = photons(photon_deposit::TRACK);
+            change(&mut photons);
+            photons.validate().is_err()
+        };
+        assert!(!wrong(|_| ()));
+        assert!(wrong(|s| s.params.listed = 13));
+        assert!(wrong(|s| s.params.rounds = 0));
+        assert!(wrong(|s| s.params.round = u32::MAX / 12));
+        assert!(wrong(|s| s.params.begin = 0));
+        assert!(wrong(|s| s.params.end = 42));
+        assert!(wrong(|s| s.params.cells[0] = 5));
+        assert!(wrong(|s| s.params.bands = 11));
+        assert!(wrong(|s| s.params.rows = 61));
+        assert!(wrong(|s| s.params.weights = 3));
+        assert!(wrong(|s| s.params.albedo = f32::NAN));
+        assert!(wrong(|s| s.params.scale = 0.0));
+        assert!(wrong(|s| s.params.radius = 17.0));
+        assert!(wrong(|s| s.params.channel = 3));
+        assert!(wrong(|s| s.params.phase_kind = PhaseParams::TABLE));
+        assert!(wrong(|s| s.counters = Buf::new(ResourceId(7), 4)));
+        assert!(wrong(|s| (s.params.deposit, s.params.albedo) = (photon_deposit::ABSORPTION, 1.0)));
+    }
+
+    #[test]
+    fn scales_leave_room() {
+        let scale = f64::from(Photons::scale(2.0, 1000));
+        let uniform = (4.0 * std::f64::consts::PI).sqrt() * 2.0 * 1000.0 * scale;
+        assert!((uniform * 200.0 / f64::from(i32::MAX) - 1.0).abs() < 1e-6);
     }
 }

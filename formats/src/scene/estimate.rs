@@ -3,8 +3,8 @@
 use airlight_core::basis::Window;
 use airlight_core::scene::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
-    LightsEstimate, Local, Material, Opacity, Orders, Path, Quality, Records, ScatteringEstimate, Scheme, Shadow,
-    Solver, SurfaceShadow, Sweeps,
+    LightsEstimate, Local, Material, Opacity, Orders, Path, Quality, RecordBasis, Records, ScatteringEstimate, Scheme,
+    Shadow, Solver, SurfaceShadow, Sweeps,
 };
 
 use super::error::Fault;
@@ -122,7 +122,7 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
         return Ok(None);
     }
     let default = Records::default();
-    table.or("basis", (), |f| f.choice(&[("sh", Some(())), ("dsf", None), ("srbf", None)]))?;
+    let basis = table.or("basis", default.basis, |f| light_basis(&f, &table))?;
     let contents = [
         ("radiance", Some(Content::Radiance)),
         ("transmittance", Some(Content::Transmittance)),
@@ -141,6 +141,7 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
     Ok(Some(EnvironmentEstimate::Records(Records {
         cells: table.or("cells", default.cells, |f| f.whole(1..=Records::MAX_CELLS))?,
         bands: table.or("bands", default.bands, |f| f.whole(1..=Records::MAX_BANDS))?,
+        basis,
         directions: table.or("directions", default.directions, |f| f.whole(12..=12 * Records::MAX_NSIDE.pow(2)))?,
         content,
         interpolation: table.or("interpolation", default.interpolation, |f| f.choice(&interpolations))?,
@@ -153,6 +154,26 @@ fn environment(field: &Field<'_>) -> Result<Option<EnvironmentEstimate>, Fault> 
             |f| if f.is_none() { Ok(Window::None) } else { f.choice(&windows) },
         )?,
     })))
+}
+
+fn light_basis(field: &Field<'_>, records: &Table<'_>) -> Result<RecordBasis, Fault> {
+    let (kind, table) = field.kinds(None, &[("sh", &[]), ("dsf", &["functions"]), ("srbf", &[])])?;
+    if kind == "srbf" {
+        return Err(field.pending("take \"sh\" or \"dsf\""));
+    }
+    if kind == "sh" {
+        return Ok(RecordBasis::Harmonics);
+    }
+    if let Some(bands) = records.get("bands") {
+        return Err(bands.error(
+            "estimate.environment.bands are of spherical harmonics; basis = \"dsf\" has functions in their place",
+        ));
+    }
+    let numbers = "it must be 12, 42, 162 or 642";
+    Ok(RecordBasis::Discrete(table.or("functions", RecordBasis::DISCRETE, |f| match f.whole(1..=u32::MAX) {
+        Ok(n) if RecordBasis::FUNCTIONS.contains(&n) => Ok(n),
+        _ => Err(f.wrong(numbers)),
+    })?))
 }
 
 fn extract_sun(field: &Field<'_>) -> Result<ExtractSun, Fault> {

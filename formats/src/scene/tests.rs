@@ -7,8 +7,8 @@ use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
-    LightsEstimate, Opacity, Orders, Path as Paths, Quality, Records, ScatteringEstimate, Scheme, Shadow, Solver,
-    SurfaceShadow, Sweeps,
+    LightsEstimate, Opacity, Orders, Path as Paths, Quality, RecordBasis, Records, ScatteringEstimate, Scheme, Shadow,
+    Solver, SurfaceShadow, Sweeps,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -156,6 +156,7 @@ fn every_key_that_is_built_arrives() {
     let records = Records {
         cells: 20,
         bands: 4,
+        basis: RecordBasis::Harmonics,
         directions: 192,
         content: Content::Phase,
         interpolation: Interpolation::Nearest,
@@ -380,6 +381,32 @@ fn estimators_default_can_be_left_out_and_do_not_meet_twice() {
     assert_eq!(
         told("[estimate]\nenvironment = { bands = 2.5 }"),
         "8:25: estimate.environment.bands = 2.5; it must be a whole number from 1 to 10"
+    );
+}
+
+#[test]
+fn bases_of_light_are_taken() {
+    let basis = |text: &str| match scene(&format!("[estimate]\nenvironment = {{ {text} }}\n")).estimate.environment {
+        Some(EnvironmentEstimate::Records(records)) => (records.basis, records.bands),
+        None => panic!("no records"),
+    };
+    let isotropic = "content = \"transmittance\", directions = 768";
+    assert_eq!(basis("bands = 4, basis = \"sh\", directions = 192"), (RecordBasis::Harmonics, 4));
+    assert_eq!(basis(&format!("basis = \"dsf\", {isotropic}")), (RecordBasis::Discrete(42), 3));
+    let many = "basis = { kind = \"dsf\", functions = 162 }";
+    assert_eq!(basis(&format!("{many}, {isotropic}")), (RecordBasis::Discrete(162), 3));
+    assert_eq!(
+        told("[estimate]\nenvironment = { basis = { kind = \"dsf\", functions = 100 } }"),
+        "8:53: estimate.environment.basis.functions = 100; it must be 12, 42, 162 or 642"
+    );
+    assert_eq!(
+        told("[estimate]\nenvironment = { basis = \"dsf\", bands = 3 }"),
+        "8:40: estimate.environment.bands are of spherical harmonics; basis = \"dsf\" has functions in their place"
+    );
+    assert!(
+        told("[estimate]\nenvironment = { basis = \"dsf\" }").starts_with(
+            "8:15: estimate.environment.content: content = \"radiance\" is moments of spherical harmonics"
+        )
     );
 }
 

@@ -9,6 +9,7 @@ use airlight_core::media::Phase;
 use airlight_core::scene::{
     Deposit, LightBasis, Precompute, Records, TransferEstimate, TransferSolver, TransferSource, ViewDependence,
 };
+use airlight_core::stage::Photons;
 use airlight_core::transfer::Transfer;
 
 use super::error::Fault;
@@ -30,6 +31,7 @@ pub(super) const TRANSFER: (&str, &[&str]) = (
         "bands",
         "photons",
         "deposit",
+        "radius",
         "solver",
         "directions",
         "orders",
@@ -136,7 +138,7 @@ fn making(options: &Table<'_>) -> Result<Precompute, Fault> {
     let basis = basis(options)?;
     let solvers = [("photons", Some(true)), ("ordinates", Some(false))];
     let photons = options.or("solver", true, |f| f.choice(&solvers))?;
-    let foreign: &[&str] = if photons { &["directions"] } else { &["photons", "deposit"] };
+    let foreign: &[&str] = if photons { &["directions"] } else { &["photons", "deposit", "radius"] };
     for key in foreign {
         if let Some(field) = options.get(key) {
             let solver = if photons { "ordinates" } else { "photons" };
@@ -154,6 +156,10 @@ fn making(options: &Table<'_>) -> Result<Precompute, Fault> {
                 f.number_where("above 0 and at most 1e6", |n| n > 0.0 && n <= Precompute::MAX_PHOTONS)
             })?,
             deposit: options.or("deposit", Deposit::Track, |f| f.choice(&deposits))?,
+            radius: options.or("radius", Photons::RADIUS, |f| {
+                let farthest = f64::from(Photons::FARTHEST);
+                f.number_where("from 1 to 16 cells", |r| (1.0..=farthest).contains(&r)).map(|r| r as f32)
+            })?,
         }
     } else {
         TransferSolver::Ordinates {

@@ -201,8 +201,8 @@ fn what_is_not_built_says_so_and_its_options_are_checked_all_the_same() {
             "8:31: estimate.environment.extract_sun = 3; it must be \"auto\", true or false",
         ),
         (
-            "[estimate]\nenvironment = { basis = \"dsf\" }",
-            "8:25: estimate.environment.basis = \"dsf\" is not built yet; available: \"sh\"",
+            "[estimate]\nenvironment = { basis = \"srbf\" }",
+            "8:25: estimate.environment.basis = \"srbf\" is not built yet; take \"sh\" or \"dsf\"",
         ),
         (
             "[estimate]\nenvironment = { window = \"hann\" }",
