@@ -39,3 +39,12 @@ cargo run --release --quiet -p airlight-conformance --bin figures -- --bases --i
 
 # Figures 10 to 15 of the same: precomputed transfer.
 cargo run --release --quiet -p airlight-conformance --bin figures -- --transfers --images $out -o "$work/transfers.md"
+
+# A sky that turns around a cloud, and a lamp and a studio around a head, each relit by one transfer.
+for name in cumulus head; do
+    "$airlight" precompute scenes/$name-turning.toml -o "$work/$name.transfer"
+    for frame in 1 40 80 120; do
+        "$airlight" render scenes/$name-turning.toml --set estimate.all.file="$work/$name.transfer" --size 240x160 --samples 4 \
+            --frames $frame -o $out/$name-turning-###.png
+    done
+done

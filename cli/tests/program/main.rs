@@ -14,5 +14,6 @@ mod outputs;
 mod reports;
 mod scenes;
 mod surfaces;
+mod transfers;
 mod volumes;
 mod workbench;
