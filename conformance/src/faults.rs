@@ -27,7 +27,7 @@ use libtest_mimic::Failed;
 
 use crate::bench::Bench;
 use crate::fixtures::{DIMS, Map, classified, cloud, grey, room, sky};
-use crate::stages::reconstruct::chain;
+use crate::transfers::made_of_photons;
 use crate::{Axis, Case, Record, Subject, check};
 
 pub(crate) fn cases() -> Vec<Case> {
@@ -97,8 +97,7 @@ pub(crate) fn cases() -> Vec<Case> {
     ]
 }
 
-/// A small picture that runs every stage but `path`, which brings all light by itself, and those of transfer matrices,
-/// which have a plan of their own.
+/// A small picture that runs every stage but `path` and those of a transfer, which bring all light by themselves.
 fn scene() -> Scene {
     let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
     scene.environment = Some(sky());
@@ -126,6 +125,9 @@ fn running(stage: &str) -> Scene {
         scene.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
         scene.quality.temporal = false;
     }
+    if ["photons", "evaluate", "reconstruct"].contains(&stage) {
+        return made_of_photons();
+    }
     if stage == "classify" {
         scene.medium = Arc::new(classified(Map::Plain, DIMS));
     }
@@ -134,10 +136,7 @@ fn running(stage: &str) -> Scene {
 
 /// Runs a stage among others.
 fn run(renderer: &mut Renderer, stage: &str) -> Result<(), RenderError> {
-    match stage {
-        "evaluate" | "reconstruct" => chain(renderer.executor()).map(|_| ()).map_err(RenderError::from),
-        _ => renderer.render(&running(stage)).map(|_| ()),
-    }
+    renderer.render(&running(stage)).map(|_| ())
 }
 
 /// Another one.
@@ -361,10 +360,9 @@ fn cancelled(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     })
 }
 
-/// Every stage that pictures run: `photons` prepares what later pictures read.
+/// Every stage.
 fn stages() -> Axis<&'static str> {
-    let run = Stage::NAMES.into_iter().filter(|name| *name != "photons");
-    Axis::new("stage", run.map(|name| (name, name)))
+    Axis::new("stage", Stage::NAMES.map(|name| (name, name)))
 }
 
 /// The fault of a picture that a device did not render; an error where it is none of a stage of this device.

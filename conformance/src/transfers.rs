@@ -120,6 +120,14 @@ fn making(scene: Scene, options: Precompute) -> Scene {
     with(scene, TransferSource::Making(options), ViewDependence::Cell)
 }
 
+/// A small picture whose transfer is made by photons.
+pub(crate) fn made_of_photons() -> Scene {
+    let mut scene = cloud(Map::Plain, DIMS, grey(Phase::Isotropic));
+    scene.environment = Some(sky());
+    let solver = TransferSolver::Photons { count: 1.0, deposit: Deposit::Track, radius: Photons::RADIUS };
+    making(scene, Precompute { solver, ..ordinates(4, LightBasis::Harmonics { bands: 1 }, 1) })
+}
+
 fn made(renderer: &mut Renderer, scene: &Scene, options: Precompute) -> Result<Arc<Transfer>, Failed> {
     Ok(Arc::new(renderer.precompute(scene, &options, &mut Hooks::default())?.transfer))
 }

@@ -49,8 +49,9 @@ fn proof(choice: &str) -> Vec<Trial> {
     const PATHS: &str = "paths::what_leaves_and_what_is_absorbed";
     const CLASSIFIED: &str = "closed::classified";
     const CREASES: &str = "rooms::creases";
-    // Until a picture is lit by transfer matrices.
+    // Without a transfer made before, which the broken stage has no part in.
     const MATRICES: &str = "stage::reconstruct::of_evaluated_light";
+    const FLOWN: &str = "transfer::solvers";
     let mut trials = Vec::new();
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
@@ -76,6 +77,7 @@ fn proof(choice: &str) -> Vec<Trial> {
             "accumulate" | "upsample" => SEQUENCES,
             "path" => PATHS,
             "evaluate" | "reconstruct" => MATRICES,
+            "photons" => FLOWN,
             "classify" => CLASSIFIED,
             _ => PICTURES,
         };
@@ -94,8 +96,10 @@ fn proof(choice: &str) -> Vec<Trial> {
     trials.push(Trial::test(name, move || noticed(&subject, group(CREASES))));
     let whole = Subject::of_choice(choice);
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
-        let pictures =
-            [PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SWEPT, SEQUENCES, PATHS, CLASSIFIED, CREASES];
+        let pictures = [
+            PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SWEPT, SEQUENCES, PATHS, CLASSIFIED, CREASES,
+            MATRICES, FLOWN,
+        ];
         for case in group("stage::").into_iter().chain(pictures.into_iter().flat_map(group)) {
             case.run(&whole).verdict()?;
         }
