@@ -17,36 +17,36 @@ use crate::{Axis, Case, Record, Subject, check, tolerance};
 pub(super) fn cases() -> Vec<Case> {
     vec![
         Case::new(
-            "stage::photons::once",
+            "photons::once",
             "Light from one side that is scattered once in an even box is the double integral's, cell by cell, in every moment.",
             once,
         )
         .within(&tolerance::PHOTON_NOISE),
         Case::new(
-            "stage::photons::furnace",
+            "photons::furnace",
             "In a medium that absorbs nothing, under light that is 1 from everywhere, unscattered and scattered light are 1 together.",
             furnace,
         )
         .within(&tolerance::PHOTON_NOISE),
         Case::new(
-            "stage::photons::kinds",
+            "photons::kinds",
             "What is left along flights, at collisions and at absorptions agrees, summed over the box.",
             kinds,
         )
         .within(&tolerance::PHOTON_NOISE)
         .permutes(&kinds_axis()),
         Case::new(
-            "stage::photons::batches",
+            "photons::batches",
             "Lights in batches, and photons in several dispatches, leave the same integers as all at once.",
             batches,
         )
         .within(&tolerance::EXACT),
         Case::new(
-            "stage::photons::convergence",
+            "photons::convergence",
             "Sixteen times as many photons leave a quarter of the noise.",
             convergence,
         ),
-        Case::new("stage::photons::overflow", "Sums that an integer does not hold are counted.", overflow),
+        Case::new("photons::overflow", "Sums that an integer does not hold are counted.", overflow),
     ]
 }
 
@@ -255,6 +255,7 @@ fn kinds(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         Ok(sums)
     };
     let tracks = sums(photon_deposit::TRACK)?;
+    check!(tracks[0] > 0.0, "photons leave nothing");
     record.each(&kinds_axis(), |record, &deposit| {
         record.hold("sums", sums(deposit)?, tracks.iter().copied());
         Ok(())

@@ -13,7 +13,7 @@ use airlight_core::reference::{
     PathInputs, PhotonInputs, ProjectInputs, PropagateInputs, ReconstructInputs, ReduceInputs, RelightInputs,
     ShadeInputs, ShadowInputs, SweepInputs, TraceInputs, UpsampleInputs,
 };
-use airlight_core::stage::{Classify, ClassifyParams, Inject, March, Photons, Stage};
+use airlight_core::stage::{Classify, ClassifyParams, Inject, March, Photons, Stage, photon_counter};
 use bytemuck::Pod;
 
 /// The backend, for a program to gather.
@@ -190,10 +190,16 @@ impl Toy {
             rows: self.buffer(s.rows),
         };
         let (deposits, counters) = reference::photons(&s.params, &inputs, range);
-        for (id, more) in [(s.deposits.id, deposits), (s.counters.id, counters.map(i64::from).to_vec())] {
+        let mut counters = counters.map(i64::from);
+        for (id, counts) in [(s.deposits.id, false), (s.counters.id, true)] {
             let Some(output) = self.memory.get_mut(&id) else { continue };
             let sums: &mut [i32] = bytemuck::cast_slice_mut(&mut output.words);
-            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum = sum.wrapping_add(more as i32));
+            let more = if counts { counters.to_vec() } else { deposits.clone() };
+            for (sum, more) in sums.iter_mut().zip(more) {
+                let all = i64::from(*sum).saturating_add(more);
+                counters[photon_counter::OVERFLOWS as usize] += i64::from(i32::try_from(all).is_err());
+                *sum = all as i32;
+            }
         }
     }
 

@@ -4,8 +4,19 @@ use airlight_conformance::{Subject, cases, trials};
 use libtest_mimic::{Arguments, Trial};
 
 /// Groups of cases that take minutes in f64 without a thought for speed.
-const SLOW: [&str; 9] =
-    ["columns", "limits", "frames", "estimators", "paths", "pictures", "scattering", "sequence", "suns"];
+const SLOW: [&str; 11] = [
+    "columns",
+    "limits",
+    "frames",
+    "estimators",
+    "paths",
+    "photons",
+    "pictures",
+    "scattering",
+    "sequence",
+    "suns",
+    "transfer",
+];
 
 fn main() {
     let toy = Subject::new("toy", || airlight::open_among(&[airlight_toy::PROVIDER], "toy").map_err(|e| e.to_string()));

@@ -199,7 +199,8 @@ impl All<'_> {
                 let at = (row * u64::from(p.lights) + number as u64) * u64::from(p.coefficients());
                 for (j, moment) in self.moments.iter().enumerate() {
                     let value = (light * part * f64::from(value) * moment + up).floor() as i64;
-                    self.deposits[at as usize + j] += value;
+                    let sum = &mut self.deposits[at as usize + j];
+                    *sum = sum.saturating_add(value);
                 }
             }
         }
