@@ -36,6 +36,8 @@ pub(super) enum Section {
     Photons,
     /// What making a transfer and lighting with it take; table 1.
     Times,
+    /// Full grids lit anew.
+    Light,
     /// Figures 11, 12, 14 and 15.
     Sheets,
 }
@@ -72,13 +74,14 @@ pub(super) fn transfers(
             subject.name()
         ),
     )?;
-    let all = [Section::Truth, Section::Clusters, Section::Photons, Section::Times, Section::Sheets];
+    let all = [Section::Truth, Section::Clusters, Section::Photons, Section::Times, Section::Light, Section::Sheets];
     for section in if sections.is_empty() { &all } else { sections } {
         match section {
             Section::Truth => truth::truth(&mut page, &mut lab)?,
             Section::Clusters => clusters::clusters(&mut page, &mut lab)?,
             Section::Photons => photons::photons(&mut page, &mut lab)?,
             Section::Times => times::times(&mut page, &mut lab)?,
+            Section::Light => times::again(&mut page, &mut lab)?,
             Section::Sheets => sheets::sheets(&mut page, &mut lab)?,
         }
         if output.is_some() {
