@@ -68,7 +68,7 @@ pub(super) fn transfers(
             "Zhang, Dong and Ma 2013, tables 1 and 2 and figures 10 to 15, with our media and settings beside theirs. \
              Measured by `cargo run --release -p airlight-conformance --bin figures -- --transfers{with}` on {} \
              ({name}){build}{sizes}; `--transfers photons` and so on measure one section. The paper's figures are of a \
-             laptop's graphics card of 2010 (GeForce GTX 460M). Errors are relative L2 over RGB, of every pixel of the \
+             laptop's graphics card (GeForce GTX 460M). Errors are relative L2 over RGB, of every pixel of the \
              *picture* unless said otherwise. Cells are those along the longest side. Seconds are wall time, of a \
              machine that may have had other work.",
             subject.name()
