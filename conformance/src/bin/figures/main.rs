@@ -41,7 +41,8 @@ struct Args {
     /// The sections on bases alone, which need no device.
     #[arg(long, conflicts_with = "transfers")]
     bases: bool,
-    /// The page on precomputed transfer in place of the others, or sections of it: truth, clusters, photons, times, sheets.
+    /// The page on precomputed transfer in place of the others, or sections of it: truth, clusters, photons, times,
+    /// light, sheets.
     #[arg(long, value_name = "SECTION", num_args = 0.., value_delimiter = ',')]
     transfers: Option<Vec<transfers::Section>>,
     /// That page in sizes that show only that it works.

@@ -37,6 +37,8 @@ pub(super) enum Section {
     Photons,
     /// What making a transfer and lighting with it take; table 1.
     Times,
+    /// Full grids lit anew.
+    Light,
     /// Figures 11, 12, 14 and 15.
     Sheets,
 }
@@ -67,19 +69,20 @@ pub(super) fn transfers(
             "Zhang, Dong and Ma 2013, tables 1 and 2 and figures 10 to 15, with our media and settings beside theirs. \
              Measured by `cargo run --release -p airlight-conformance --bin figures -- --transfers{with}` on {} \
              ({name}){build}{sizes}; `--transfers photons` and so on measure one section. The paper's figures are of a \
-             laptop's graphics card of 2010 (GeForce GTX 460M). Errors are relative L2 over RGB, of every pixel of the \
+             laptop's graphics card (GeForce GTX 460M). Errors are relative L2 over RGB, of every pixel of the \
              *picture* unless said otherwise. Cells are those along the longest side. Seconds are wall time, of a \
              machine that may have had other work.",
             subject.name()
         ),
     )?;
-    let all = [Section::Truth, Section::Clusters, Section::Photons, Section::Times, Section::Sheets];
+    let all = [Section::Truth, Section::Clusters, Section::Photons, Section::Times, Section::Light, Section::Sheets];
     for section in if sections.is_empty() { &all } else { sections } {
         match section {
             Section::Truth => truth::truth(&mut page, &mut lab)?,
             Section::Clusters => clusters::clusters(&mut page, &mut lab)?,
             Section::Photons => photons::photons(&mut page, &mut lab)?,
             Section::Times => times::times(&mut page, &mut lab)?,
+            Section::Light => times::again(&mut page, &mut lab)?,
             Section::Sheets => sheets::sheets(&mut page, &mut lab)?,
         }
         if output.is_some() {

@@ -65,9 +65,10 @@ fn bases(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn Error>> {
         environment.visible = false;
         let scene = Scene { environment: Some(environment), ..scene.clone() };
         let paths = by_paths(lab, &scene)?;
-        let noise = paths.report.paths.map_or(0.0, |run| run.noise);
+        // Of means of 8 × 8 pixels.
+        let noise = paths.report.paths.map_or(0.0, |run| run.noise) / 8.0;
         let truth = tile(&paths.film.beauty);
-        writeln!(page, "| {light} | `path`, its own noise | {} | | |", percent(noise / 8.0))?;
+        writeln!(page, "| {light} | `path`, its own noise | {} | | |", percent(noise))?;
         let (mut above, mut below) = (vec![truth.clone()], vec![vec![[0.0; 3]; truth.len()]]);
         for (name, seconds, transfer) in &transfers {
             let film = lab.light(&scene, transfer)?.film;

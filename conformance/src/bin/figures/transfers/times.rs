@@ -25,7 +25,7 @@ const PUBLISHED: [(&str, &str, &str, &str, &str, &str); 7] = [
     ("machine room", "417 × 345 × 60", "3", "73", "0.7", "21"),
 ];
 
-/// Table 1, and lighting anew.
+/// Table 1.
 pub(super) fn times(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn Error>> {
     let (cells, functions) = lab.size((32, 162), (8, 42));
     let clusters = lab.size(128, 8);
@@ -37,7 +37,7 @@ pub(super) fn times(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn 
             "Table 1: {functions} functions, {cells} cells, N = 1 photon along tracks, {clusters} clusters of 4 \
              components. *Relight* is a turn of the environment: its projection, and the stages `evaluate` and \
              `reconstruct`. *Frame* is a turn of the eye: `reconstruct`, where the phase function has a direction, and \
-             the march of {width} × {height} pixels. Both are the median of five."
+             the march of {width} × {height} pixels. Both are the least of {TIMES} times."
         ),
     )?;
     table(
@@ -90,7 +90,7 @@ pub(super) fn times(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn 
     for (data, voxels, photons, seconds, radiance, frame) in PUBLISHED {
         writeln!(page, "| {data} | {voxels} | {photons} | {seconds} | {radiance} | {frame} |")?;
     }
-    again(page, lab)
+    Ok(())
 }
 
 /// Milliseconds of the stages of a picture whose names these are.
@@ -99,9 +99,12 @@ fn stages(rendered: &Rendered, names: &[&str]) -> f64 {
     1e3 * ran.map(|stage| stage.time.as_secs_f64()).sum::<f64>()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+/// How often what takes milliseconds is timed.
+const TIMES: u32 = 9;
+
+/// The least, which other work on the machine disturbs least.
+fn least(values: Vec<f64>) -> f64 {
+    values.into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// Milliseconds in which a turned environment lights the medium, and those of `evaluate` and of `reconstruct`.
@@ -109,7 +112,7 @@ fn relit(lab: &mut Lab<'_>, scene: &Scene, transfer: &Arc<Transfer>) -> Result<(
     let mut scene = by(scene, transfer);
     lab.renderer.render(&scene)?;
     let (mut all, mut evaluate, mut reconstruct) = (Vec::new(), Vec::new(), Vec::new());
-    for _ in 0..5 {
+    for _ in 0..TIMES {
         if let Some(environment) = &mut scene.environment {
             environment.rotation += 25.0;
         }
@@ -122,7 +125,7 @@ fn relit(lab: &mut Lab<'_>, scene: &Scene, transfer: &Arc<Transfer>) -> Result<(
         evaluate.push(first);
         reconstruct.push(second);
     }
-    Ok((median(all), median(evaluate), median(reconstruct)))
+    Ok((least(all), least(evaluate), least(reconstruct)))
 }
 
 /// Milliseconds of a picture from another place.
@@ -130,17 +133,17 @@ fn turned(lab: &mut Lab<'_>, scene: &Scene, transfer: &Arc<Transfer>) -> Result<
     let mut scene = by(scene, transfer);
     lab.renderer.render(&scene)?;
     let mut all = Vec::new();
-    for _ in 0..5 {
+    for _ in 0..TIMES {
         let arm = scene.camera.origin - scene.camera.target;
         scene.camera.origin = scene.camera.target + arm.rotate_axis(scene.camera.up.normalize(), 0.05);
         let rendered = lab.renderer.render(&scene)?;
         all.push(stages(&rendered, &["reconstruct", "march"]));
     }
-    Ok(median(all))
+    Ok(least(all))
 }
 
 /// Lighting full grids anew, whatever is in their matrices.
-fn again(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn Error>> {
+pub(super) fn again(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn Error>> {
     let (cells, functions) = lab.size((64, 642), (8, 42));
     let clusters = lab.size(128, 8);
     writeln!(page, "\n## A new light\n")?;
@@ -148,8 +151,8 @@ fn again(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn Error>> {
         page,
         &format!(
             "Every one of {cells}³ cells lit anew by {functions} functions, {clusters} clusters of 4 components, \
-             matrices of random numbers; the median of five, milliseconds. *All* has the environment's projection and \
-             uploads too. The paper has about 1 ms."
+             matrices of random numbers; the least of {TIMES} times, milliseconds. *All* has the environment's \
+             projection and uploads too. The paper has about 1 ms."
         ),
     )?;
     table(page, &["medium"], &["evaluate", "reconstruct", "all"])?;

@@ -72,7 +72,7 @@ pub(super) fn truth(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dyn 
         let difference = apart(&found, &expected, 10.0);
         rows.push(vec![expected, found, difference]);
     }
-    lab.sheet("figure-10-truth.png", [160, 120], rows, 1.0)
+    lab.sheet("figure-10-truth.png", [160, 120], rows, 0.5)
 }
 
 /// Solvers by their names, and their options.
