@@ -100,7 +100,7 @@ fn ordinates(cells: u32, basis: LightBasis, bands: u32) -> Precompute {
         cells,
         basis,
         bands,
-        solver: TransferSolver::Ordinates { directions: 48 },
+        solver: TransferSolver::Ordinates { directions: None },
         clusters: None,
         components: 0,
         ..Precompute::default()

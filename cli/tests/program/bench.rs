@@ -41,7 +41,8 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
             // A quotient of the two, in f64.
             let product = number("per_second") * number("seconds");
             assert!((product / number("elements") - 1.0).abs() < 1e-9, "{entry:#}");
-            let units = ["voxels", "cells", "samples", "pixels", "rays", "hits", "texels", "paths", "products", "photons"];
+            let units =
+                ["voxels", "cells", "samples", "pixels", "rays", "hits", "texels", "paths", "products", "photons"];
             assert!(units.contains(&entry["unit"].as_str().unwrap()), "{entry:#}");
         }
     }

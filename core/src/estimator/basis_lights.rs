@@ -3,6 +3,7 @@
 use super::ordinates::Carried;
 use super::scatter::Scattering;
 use super::{MediumFields, Y0};
+use crate::Version;
 use crate::basis::{Basis, SphericalHarmonics, healpix};
 use crate::device::Buf;
 use crate::exec::{Part, Plan};
@@ -16,6 +17,7 @@ const POINTS: u32 = 4;
 
 /// Where the functions of a basis shine from, cut into the pixels of [`healpix`].
 pub(crate) struct BasisLights {
+    version: Version,
     nside: u32,
     coefficients: usize,
     /// Of each function the pixels that it reaches, rising.
@@ -26,7 +28,7 @@ pub(crate) struct BasisLights {
 
 /// What is carried at once.
 pub(crate) struct Batch {
-    /// What its content depends on, beside basis and bands.
+    /// Its number among those of the same lights.
     pub(crate) number: usize,
     /// The function of each channel; the same in all where the medium has colours.
     pub(crate) functions: [Option<usize>; TOGETHER],
@@ -57,7 +59,7 @@ impl BasisLights {
                 integrals[first..].iter_mut().zip(&values).for_each(|(sum, y)| *sum += (weight * y) as f32);
             });
         }
-        Self { nside, coefficients, pixels, integrals }
+        Self { version: Version::fresh(), nside, coefficients, pixels, integrals }
     }
 
     /// Bytes that such lights take at the most.
@@ -133,7 +135,7 @@ impl BasisLights {
         let forward = if direct { 0.0 } else { setup.forward };
         let optics = setup.ordinates.coarsen("transfer cells", forward, plan);
         let (pixels, weights) = self.batch(batch);
-        let content = (batch.number, self.pixels.len(), self.nside, self.coefficients, batch.functions);
+        let content = (self.version, batch.number);
         let nside = self.nside;
         let count = pixels.len() as u32;
         let make = move || {

@@ -151,7 +151,7 @@ impl Renderer {
 
     /// Whether what is carried along sweeps is the same in all channels: as many lights go together.
     fn alike(scene: &Scene, options: &Precompute, channels: u32) -> bool {
-        channels == 1 || (carried(options).orders == Orders::Count(1) && scene.optics.is_grey())
+        channels == 1 || (carried(scene, options).orders == Orders::Count(1) && scene.optics.is_grey())
     }
 
     /// Makes the transfer of a scene's medium. Camera, lights and environment do not matter.
@@ -224,7 +224,7 @@ impl Renderer {
         channels: &mut [Matrices],
         hooks: &mut Hooks<'_>,
     ) -> Result<f64, RenderError> {
-        let sweeps = carried(options);
+        let sweeps = carried(scene, options);
         let cells: usize = survey.cells.iter().map(|&n| n as usize).product();
         let functions = survey.functions as usize;
         let alike = Self::alike(scene, options, survey.channels);
@@ -259,10 +259,13 @@ impl Renderer {
 }
 
 /// What is carried along sweeps: all orders of scattering, or light as it comes in where photons bring the others.
-fn carried(options: &Precompute) -> Sweeps {
+fn carried(scene: &Scene, options: &Precompute) -> Sweeps {
     let Precompute { cells, bands, orders, .. } = *options;
     match options.solver {
-        TransferSolver::Ordinates { directions } => Sweeps { cells, bands, directions, orders },
+        TransferSolver::Ordinates { directions } => {
+            let directions = directions.unwrap_or_else(|| options.directions(&scene.optics.phase));
+            Sweeps { cells, bands, directions, orders }
+        }
         TransferSolver::Photons { .. } => Sweeps { cells, bands, directions: 12, orders: Orders::Count(1) },
     }
 }

@@ -579,7 +579,7 @@ impl Opacity {
 
 /// The smallest n for which 12·n² HEALPix directions keep the first `bands` of spherical harmonics apart: their Gram
 /// matrix is off by at most [`GRAM_TOLERANCE`].
-fn coarsest_nside(bands: u32) -> u32 {
+pub(super) fn coarsest_nside(bands: u32) -> u32 {
     static FOUND: [OnceLock<u32>; Records::MAX_BANDS as usize] =
         [const { OnceLock::new() }; Records::MAX_BANDS as usize];
     let fits = |n: &u32| {

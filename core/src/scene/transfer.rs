@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::estimate::{EstimateError, Orders, Records, range, resolved};
+use super::estimate::{EstimateError, Orders, Records, coarsest_nside, range, resolved};
 use crate::basis::{Basis, BasisError, DiscreteSpherical, RadialFunctions, SphericalHarmonics};
 use crate::light::Prefilter;
 use crate::media::Phase;
@@ -70,8 +70,9 @@ pub enum TransferSolver {
     },
     /// By discrete ordinates ([`stage::Sweep`](crate::stage::Sweep)): without noise.
     Ordinates {
-        /// Directions of scattered light: 12·n² for a whole n.
-        directions: u32,
+        /// Directions of scattered light: 12·n² for a whole n. None for as many as the bands that count need, and at least
+        /// [`Precompute::DIRECTIONS`].
+        directions: Option<u32>,
     },
 }
 
@@ -128,6 +129,8 @@ impl Default for Precompute {
 }
 
 impl Precompute {
+    /// The fewest directions of ordinates unless others are asked for.
+    pub const DIRECTIONS: u32 = 48;
     /// The most cells along a side.
     pub const MAX_CELLS: u32 = 512;
     /// The most clusters.
@@ -150,6 +153,11 @@ impl Precompute {
         self.bands.min(phase.reach().unwrap_or(u32::MAX))
     }
 
+    /// Directions of ordinates unless others are asked for.
+    pub(crate) fn directions(&self, phase: &Phase) -> u32 {
+        Self::DIRECTIONS.max(12 * coarsest_nside(self.bands_of(phase)).pow(2))
+    }
+
     /// Checks every option against its range and the medium's phase function.
     ///
     /// # Errors
@@ -166,7 +174,9 @@ impl Precompute {
         self.basis.functions().map_err(|error| EstimateError::Conflict(error.to_string()))?;
         self.orders.validate()?;
         match self.solver {
-            TransferSolver::Ordinates { directions } => resolved(directions, self.bands_of(phase)),
+            TransferSolver::Ordinates { directions } => {
+                resolved(directions.unwrap_or_else(|| self.directions(phase)), self.bands_of(phase))
+            }
             TransferSolver::Photons { radius, .. } if !(1.0..=Photons::FARTHEST).contains(&radius) => {
                 let range = Photons::FARTHEST;
                 Err(EstimateError::Conflict(format!("radius = {radius}; it must be from 1 to {range} cells")))

@@ -40,9 +40,6 @@ pub(super) const TRANSFER: (&str, &[&str]) = (
         "components",
     ],
 );
-/// Directions of ordinates unless others are asked for.
-const DIRECTIONS: u32 = 48;
-
 /// A transfer that lies in a file.
 pub(super) struct Plan<'a> {
     file: Field<'a>,
@@ -163,7 +160,7 @@ fn making(options: &Table<'_>) -> Result<Precompute, Fault> {
         }
     } else {
         TransferSolver::Ordinates {
-            directions: options.or("directions", DIRECTIONS, |f| f.whole(12..=12 * Records::MAX_NSIDE.pow(2)))?,
+            directions: options.or("directions", None, |f| f.whole(12..=12 * Records::MAX_NSIDE.pow(2)).map(Some))?,
         }
     };
     let clusters = options.or("clusters", default.clusters, |f| {

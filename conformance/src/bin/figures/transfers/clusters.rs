@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use airlight::scene::{Precompute, Scene};
 
-use super::{Lab, compressed, error, forward, media, ordinates, prose, table};
+use super::{Lab, compressed, error, media, ordinates, prose, table};
 use crate::percent;
 
 /// Clusters, and the paper's error and seconds.
@@ -47,8 +47,8 @@ pub(super) fn clusters(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<d
     let few = lab.size(162, 42);
     let cells = lab.size(32, 8);
     medium(page, lab, "smoke", &media::smoke(lab)?, ordinates(cells, lab.size(642, 42)))?;
-    medium(page, lab, "reference cloud", &media::forward_cloud(lab)?, forward(cells, few))?;
-    medium(page, lab, "head", &media::head(lab)?, forward(cells, few))
+    medium(page, lab, "reference cloud", &media::forward_cloud(lab)?, ordinates(cells, few))?;
+    medium(page, lab, "head", &media::head(lab)?, ordinates(cells, few))
 }
 
 fn medium(

@@ -173,25 +173,15 @@ fn with(scene: &Scene, all: AllEstimate) -> Scene {
     Scene { estimate: Estimate { all: Some(all), ..Estimate::none() }, ..scene.clone() }
 }
 
-/// Without compression, by ordinates along so many directions.
-fn along(directions: u32, cells: u32, functions: u32) -> Precompute {
+/// Without compression, by ordinates along as many directions as the bands need.
+fn ordinates(cells: u32, functions: u32) -> Precompute {
     Precompute {
         cells,
         basis: LightBasis::Discrete { functions },
-        solver: TransferSolver::Ordinates { directions },
+        solver: TransferSolver::Ordinates { directions: None },
         clusters: None,
         ..Precompute::default()
     }
-}
-
-/// Without compression, by ordinates along 48 directions: for isotropic media.
-fn ordinates(cells: u32, functions: u32) -> Precompute {
-    along(48, cells, functions)
-}
-
-/// Without compression, by ordinates along 108 directions, as four bands need.
-fn forward(cells: u32, functions: u32) -> Precompute {
-    along(108, cells, functions)
 }
 
 /// Without compression, by photons.

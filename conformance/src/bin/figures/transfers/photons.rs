@@ -4,9 +4,9 @@ use std::error::Error;
 use std::fmt::Write;
 use std::sync::Arc;
 
-use airlight::scene::Deposit;
+use airlight::scene::{Deposit, Precompute, TransferSolver};
 
-use super::{Lab, along, apart, by_photons, error, matrices_apart, media, prose, table, tile};
+use super::{Lab, apart, by_photons, error, matrices_apart, media, ordinates, prose, table, tile};
 use crate::percent;
 
 /// What is fitted to the number of photons.
@@ -36,7 +36,16 @@ pub(super) fn photons(page: &mut String, lab: &mut Lab<'_>) -> Result<(), Box<dy
     )?;
     table(page, &["deposit"], &["N", "photons", "picture", "matrices", "noise", "seconds"])?;
     let scene = media::pillars(lab)?;
-    let truth = Arc::new(lab.make(&scene, &along(swept, cells, functions))?.transfer);
+    let truth = Arc::new(
+        lab.make(
+            &scene,
+            &Precompute {
+                solver: TransferSolver::Ordinates { directions: Some(swept) },
+                ..ordinates(cells, functions)
+            },
+        )?
+        .transfer,
+    );
     let expected = lab.light(&scene, &truth)?.film;
     let direct = lab.make(&scene, &super::direct(by_photons(cells, functions, 1.0, Deposit::Track)))?;
     writeln!(page, "| none | 0 | 0 | | | | {:.1} |", direct.transport.as_secs_f64())?;

@@ -9,7 +9,7 @@ use airlight::metric;
 use airlight::scene::{Content, Deposit, Precompute};
 use airlight_conformance::pictures;
 
-use super::{Lab, apart, blocks, by_photons, direct, forward, ordinates, prose, table, tile};
+use super::{Lab, apart, blocks, by_photons, direct, ordinates, prose, table, tile};
 use crate::{percent, told};
 
 /// A picture of the reference set.
@@ -91,7 +91,6 @@ fn settings(lab: &Lab<'_>, truth: &Truth) -> Vec<(String, Precompute)> {
         false => lab.size(&[(24, 162, 10.0), (40, 162, 10.0)], &[(12, 42, 1.0)]),
     };
     let photons = |&(c, f, n): &(u32, u32, f64)| (format!("photons, N = {n}"), by_photons(c, f, n, Deposit::Track));
-    let sweep = if isotropic { ordinates } else { forward };
-    let by_ordinates = swept.iter().map(|&(c, f)| ("ordinates".into(), sweep(c, f)));
+    let by_ordinates = swept.iter().map(|&(c, f)| ("ordinates".into(), ordinates(c, f)));
     by_ordinates.chain(flown.iter().map(photons)).collect()
 }
