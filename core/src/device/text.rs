@@ -552,7 +552,7 @@ mod tests {
             ] {
                 assert_eq!(text.whole.lines().filter(|at| **at == line).count(), 1, "{line}\n{}", text.whole);
             }
-            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 9);
+            assert_eq!(text.whole.lines().filter(|line| *line == "helper").count(), 10);
             assert!(text.whole.ends_with("first\nlast\n"));
         }
     }

@@ -8,6 +8,7 @@ mod hierarchy;
 mod mesh;
 mod placement;
 mod quality;
+mod records;
 mod shapes;
 mod sun;
 mod transfer;
@@ -19,15 +20,15 @@ use glam::DVec3;
 pub use background::{Background, BackgroundError};
 pub use camera::{Camera, CameraError};
 pub use estimate::{
-    AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, EstimateError, ExtractSun, Interpolation,
-    LightsEstimate, Local, Opacity, Orders, Path, RecordBasis, Records, ScatteringEstimate, Scheme, Shadow, Solver,
-    SurfaceShadow, Sweeps,
+    AllEstimate, Direct, EnvironmentEstimate, Estimate, EstimateError, LightsEstimate, Local, Opacity, Orders, Path,
+    ScatteringEstimate, Scheme, Shadow, SurfaceShadow, Sweeps,
 };
 pub use film::Film;
 pub use hierarchy::Hierarchy;
 pub use mesh::{Material, Mesh, MeshError, Triangle};
 pub use placement::{Placement, normal_map};
 pub use quality::{Jitter, Quality};
+pub use records::{Content, Elimination, ExtractSun, Interpolation, RecordBasis, Records, Solver};
 pub use shapes::Shape;
 pub use sun::{Extraction, Negative, Reason};
 pub use transfer::{Deposit, LightBasis, Precompute, TransferEstimate, TransferSolver, TransferSource, ViewDependence};

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::estimate::{EstimateError, Orders, Records, coarsest_nside, range, resolved};
+use super::estimate::{EstimateError, Orders, coarsest_nside, range, resolved};
+use super::records::Records;
 use crate::basis::{Basis, BasisError, DiscreteSpherical, RadialFunctions, SphericalHarmonics};
 use crate::light::Prefilter;
 use crate::media::Phase;
