@@ -402,5 +402,10 @@ fn stale(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     refused(medium(|at| (at % 7) as f32, Map::Plain)?, "density")?;
     refused(medium(|_| 1.0, Map::Rotated)?, "lattice")?;
     renderer.render(&lit)?;
+    let solver = TransferSolver::Photons { count: 1.0, deposit: Deposit::Absorption, radius: Photons::RADIUS };
+    let mut white = making(lit, Precompute { solver, ..ordinates(4, FEWEST, 1) });
+    white.optics.albedo = Vec3::ONE;
+    let error = renderer.render(&white).map(|_| ()).err().map(|e| e.to_string()).unwrap_or_default();
+    check!(error.contains("an albedo of 1 absorbs none"), "absorption where there is none says: {error:?}");
     Ok(())
 }

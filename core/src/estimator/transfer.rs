@@ -3,8 +3,6 @@
 //! A new light is projected on the basis, the clusters' matrices are multiplied with it ([`Evaluate`]), and each cell's
 //! radiance is put together from those of its cluster ([`Reconstruct`]). Nothing of the transport is done again.
 
-use std::hash::{DefaultHasher, Hash, Hasher};
-
 use bytemuck::Zeroable;
 use glam::{DVec3, UVec3};
 
@@ -116,14 +114,14 @@ impl<'a> Relit<'a> {
         let (scene, basis, prefilter) = (self.scene, self.transfer.shape().basis, self.prefilter);
         let environment = scene.environment.as_ref();
         let sky = environment.map(|e| (e.version(), e.rotation.to_bits(), e.scale.to_array().map(f32::to_bits)));
-        let mut lights = DefaultHasher::new();
-        for light in &scene.lights {
-            if let Light::Directional { to_light, irradiance } = light {
-                to_light.to_array().map(f64::to_bits).hash(&mut lights);
-                irradiance.to_array().map(f32::to_bits).hash(&mut lights);
+        let direct = scene.lights.iter().filter_map(|light| match light {
+            Light::Directional { to_light, irradiance } => {
+                Some((to_light.to_array().map(f64::to_bits), irradiance.to_array().map(f32::to_bits)))
             }
-        }
-        let key = (sky, lights.finish(), basis, format!("{prefilter:?}"));
+            _ => None,
+        });
+        let lights: Vec<_> = direct.collect();
+        let key = (sky, lights, basis, format!("{prefilter:?}"));
         plan.external("basis light", 3 * u64::from(basis.count()), &key, move |device, buf| {
             let light = light_of(scene, basis, prefilter).map_err(|error| DeviceError::Invalid(error.to_string()))?;
             let planes: Vec<f32> = (0..3).flat_map(|c| light.iter().map(move |s| s[c] as f32)).collect();

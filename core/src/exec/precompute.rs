@@ -14,7 +14,8 @@ use crate::device::Buf;
 use crate::estimator::{BasisLights, Batch, TOGETHER, grid};
 use crate::host;
 use crate::scene::{
-    AllEstimate, LightBasis, Orders, Precompute, Scene, Sweeps, TransferEstimate, TransferSolver, TransferSource,
+    AllEstimate, Deposit, EstimateError, LightBasis, Orders, Precompute, Scene, SceneError, Sweeps, TransferEstimate,
+    TransferSolver, TransferSource,
 };
 use crate::stage::{Reduce, ReduceParams, Stage};
 use crate::transfer::{Channel, Matrices, Origin, Shape, Transfer, TransferError, compress, identity, is_grey};
@@ -65,6 +66,7 @@ pub(super) struct Transfers {
 
 /// The share of the free memory that matrices may take where the caller sets no bound.
 const SHARE: (u64, u64) = (3, 4);
+
 impl Renderer {
     /// The transfer that a scene is lit with, where it is lit with one; made now where it was not before.
     pub(super) fn transfer(
@@ -106,7 +108,13 @@ impl Renderer {
         hooks: &mut Hooks<'_>,
     ) -> Result<Survey, RenderError> {
         scene.validate()?;
-        options.validate(&scene.optics.phase).map_err(crate::scene::SceneError::from)?;
+        options.validate(&scene.optics.phase).map_err(SceneError::from)?;
+        if let TransferSolver::Photons { deposit: Deposit::Absorption, .. } = options.solver
+            && scene.optics.albedo.max_element() == 1.0
+        {
+            let text = "deposit = \"absorption\" leaves light where it is absorbed, and an albedo of 1 absorbs none; take \"track\"";
+            return Err(SceneError::from(EstimateError::Conflict(text.into())).into());
+        }
         let lattice = scene.medium.lattice();
         let cells = grid(options.cells, lattice.edges() * lattice.dims().as_dvec3());
         let count = cells.iter().map(|&n| u64::from(n)).product();
