@@ -11,6 +11,7 @@ use airlight_core::host;
 use airlight_core::stage::Stage;
 use bytemuck::Pod;
 
+use crate::kernels::field::Scalars;
 use crate::{Isa, kernels};
 
 /// The processor's cores as a device.
@@ -125,8 +126,10 @@ impl Device for CpuDevice {
         }
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
-        memory.try_reserve_exact(bytes.div_ceil(16)).map_err(|_| missing())?;
-        memory.resize(bytes.div_ceil(16), Unit([0; 4]));
+        // One more, so that there is a float behind the last texel of every field.
+        let units = bytes / 16 + 1;
+        memory.try_reserve_exact(units).map_err(|_| missing())?;
+        memory.resize(units, Unit([0; 4]));
         self.resources.insert(id, Resource { memory, spec: *spec });
         Ok(())
     }
@@ -250,6 +253,12 @@ impl<'d> Readable<'d> {
             return Err(DeviceError::Invalid(format!("resource {} is not the field {:?}", field.id.0, field.spec)));
         }
         Ok(bytemuck::cast_slice(resource.bytes()))
+    }
+
+    /// A field of scalars, for packets to look up.
+    pub(crate) fn scalars(self, field: Field) -> Result<Scalars<'d>, DeviceError> {
+        self.field(field)?;
+        Ok(Scalars::new(bytemuck::cast_slice(&self.device.get(field.id)?.memory), field.spec.dims))
     }
 }
 /// The processor's name, where the system says.

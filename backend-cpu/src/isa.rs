@@ -47,19 +47,34 @@ impl Isa {
     }
 }
 
-/// Calls an `#[inline(always)]` function compiled for an instruction set. The set must be one that
-/// [`Isa::available`] gave, which [`CpuDevice`](crate::CpuDevice) sees to.
+/// Calls an `#[inline(always)]` function compiled for an instruction set; of one that is written `name<S>`, the type
+/// parameter is the set's [`Simd`](crate::simd::Simd). The set must be one that [`Isa::available`] gave, which
+/// [`CpuDevice`](crate::CpuDevice) sees to.
 macro_rules! compiled_for {
-    ($isa:expr, $function:ident($($arg:ident: $ty:ty),* $(,)?)) => {{
+    ($isa:expr, $function:ident<S>($($arg:ident: $ty:ty),* $(,)?)) => {
+        $crate::isa::compiled_for!(
+            $isa,
+            [
+                $function::<$crate::simd::Avx512>,
+                $function::<$crate::simd::Avx2>,
+                $function::<$crate::simd::Portable>
+            ],
+            ($($arg: $ty),*)
+        )
+    };
+    ($isa:expr, $function:ident($($arg:ident: $ty:ty),* $(,)?)) => {
+        $crate::isa::compiled_for!($isa, [$function, $function, $function], ($($arg: $ty),*))
+    };
+    ($isa:expr, [$avx512:expr, $avx2:expr, $portable:expr], ($($arg:ident: $ty:ty),*)) => {{
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
         fn avx512($($arg: $ty),*) {
-            $function($($arg),*)
+            $avx512($($arg),*)
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2")]
         fn avx2($($arg: $ty),*) {
-            $function($($arg),*)
+            $avx2($($arg),*)
         }
         match $isa {
             // SAFETY: a device holds only instruction sets that were detected on this machine.
@@ -70,7 +85,7 @@ macro_rules! compiled_for {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             $crate::Isa::Avx2 => unsafe { avx2($($arg),*) },
-            _ => $function($($arg),*),
+            _ => $portable($($arg),*),
         }
     }};
 }

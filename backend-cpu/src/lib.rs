@@ -9,6 +9,8 @@ mod device;
 mod isa;
 mod kernels;
 mod packet;
+mod parts;
+mod simd;
 
 pub use device::CpuDevice;
 pub use isa::Isa;

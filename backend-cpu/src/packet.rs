@@ -1,24 +1,27 @@
-//! Sixteen lanes side by side, as plain arrays that the compiler turns into vector registers.
+//! Sixteen lanes side by side, by the operations of an instruction set.
 
+use std::marker::PhantomData;
 use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use crate::simd::Simd;
 
 /// Lanes of a packet.
 pub(crate) const LANES: usize = 16;
 
 /// Sixteen floats.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(crate) struct F(pub(crate) [f32; LANES]);
+#[repr(C, align(64))]
+pub(crate) struct F<S>(pub(crate) [f32; LANES], PhantomData<S>);
 
 /// Sixteen integers.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(crate) struct I(pub(crate) [i32; LANES]);
+#[repr(C, align(64))]
+pub(crate) struct I<S>(pub(crate) [i32; LANES], PhantomData<S>);
 
 /// Sixteen truths: all bits set, or none.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(crate) struct M(pub(crate) [u32; LANES]);
+#[repr(C, align(64))]
+pub(crate) struct M<S>(pub(crate) [u32; LANES], PhantomData<S>);
 
 macro_rules! lanes {
     ($i:ident => $value:expr) => {{
@@ -56,115 +59,123 @@ macro_rules! triple {
 pub(crate) use triple;
 
 macro_rules! operator {
-    ($trait:ident, $method:ident, $op:tt) => {
-        impl $trait for F {
+    ($trait:ident, $method:ident, $operation:ident) => {
+        impl<S: Simd> $trait for F<S> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self(lanes!(i => self.0[i] $op other.0[i]))
+                Self::of(S::$operation(self.0, other.0))
             }
         }
 
-        impl $trait<f32> for F {
+        impl<S: Simd> $trait<f32> for F<S> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: f32) -> Self {
-                Self(lanes!(i => self.0[i] $op other))
+                Self::of(S::$operation(self.0, [other; LANES]))
             }
         }
     };
 }
-operator!(Add, add, +);
-operator!(Sub, sub, -);
-operator!(Mul, mul, *);
-operator!(Div, div, /);
+operator!(Add, add, add);
+operator!(Sub, sub, sub);
+operator!(Mul, mul, mul);
+operator!(Div, div, div);
 
-impl Neg for F {
+impl<S: Simd> Neg for F<S> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(lanes!(i => -self.0[i]))
+        Self::of(S::negate(self.0))
     }
 }
 
-impl F {
-    pub(crate) const ZERO: Self = Self([0.0; LANES]);
-    pub(crate) const ONE: Self = Self([1.0; LANES]);
+impl<S: Simd> F<S> {
+    pub(crate) const ZERO: Self = Self([0.0; LANES], PhantomData);
+    pub(crate) const ONE: Self = Self([1.0; LANES], PhantomData);
+
+    /// A packet of these lanes.
+    #[inline(always)]
+    pub(crate) fn of(lanes: [f32; LANES]) -> Self {
+        Self(lanes, PhantomData)
+    }
 
     #[inline(always)]
     pub(crate) fn splat(v: f32) -> Self {
-        Self([v; LANES])
+        Self::of([v; LANES])
     }
 
     /// The lesser, and `other` where `self` is not a number.
     #[inline(always)]
     pub(crate) fn min(self, other: Self) -> Self {
-        Self(lanes!(i => if self.0[i] < other.0[i] { self.0[i] } else { other.0[i] }))
+        Self::of(S::min(self.0, other.0))
     }
 
     /// The greater, and `other` where `self` is not a number.
     #[inline(always)]
     pub(crate) fn max(self, other: Self) -> Self {
-        Self(lanes!(i => if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
+        Self::of(S::max(self.0, other.0))
     }
 
     #[inline(always)]
     pub(crate) fn abs(self) -> Self {
-        Self(lanes!(i => self.0[i].abs()))
+        Self::of(S::abs(self.0))
     }
 
     #[inline(always)]
     pub(crate) fn floor(self) -> Self {
-        Self(lanes!(i => self.0[i].floor()))
+        Self::of(S::floor(self.0))
     }
 
     #[inline(always)]
     pub(crate) fn ceil(self) -> Self {
-        Self(lanes!(i => self.0[i].ceil()))
+        Self::of(S::ceil(self.0))
     }
 
     #[inline(always)]
     pub(crate) fn sqrt(self) -> Self {
-        Self(lanes!(i => self.0[i].sqrt()))
+        Self::of(S::sqrt(self.0))
     }
 
     #[inline(always)]
-    pub(crate) fn lt(self, other: Self) -> M {
-        M(lanes!(i => if self.0[i] < other.0[i] { u32::MAX } else { 0 }))
+    pub(crate) fn lt(self, other: Self) -> M<S> {
+        M::of(S::less(self.0, other.0))
     }
 
     #[inline(always)]
-    pub(crate) fn ge(self, other: Self) -> M {
-        M(lanes!(i => if self.0[i] >= other.0[i] { u32::MAX } else { 0 }))
+    pub(crate) fn ge(self, other: Self) -> M<S> {
+        M::of(S::at_least(self.0, other.0))
     }
 
     #[inline(always)]
-    pub(crate) fn gt(self, other: Self) -> M {
+    pub(crate) fn gt(self, other: Self) -> M<S> {
         other.lt(self)
     }
 
     /// The lanes, with what is nearer to zero than 1e-20 replaced by 1e-20: far enough to divide by.
     #[inline(always)]
     pub(crate) fn away_from_zero(self) -> Self {
-        Self(lanes!(i => if self.0[i].abs() < 1e-20 { 1e-20 } else { self.0[i] }))
+        let near = Self::splat(1e-20);
+        self.abs().lt(near).select(near, self)
+    }
+
+    #[inline(always)]
+    pub(crate) fn min_lane(self) -> f32 {
+        S::least(self.0)
     }
 
     #[inline(always)]
     pub(crate) fn max_lane(self) -> f32 {
-        let mut max = self.0[0];
-        for v in self.0 {
-            max = if v > max { v } else { max };
-        }
-        max
+        S::most(self.0)
     }
 
     /// The integers that the lanes hold; all must lie in the range of `i32`.
     #[inline(always)]
-    pub(crate) fn to_int(self) -> I {
+    pub(crate) fn to_int(self) -> I<S> {
         // SAFETY: callers pass lanes that `min` and `max` put between two representable integers; both replace what
         // is not a number.
         #[allow(unsafe_code)]
-        I(lanes!(i => unsafe { self.0[i].to_int_unchecked::<i32>() }))
+        I::of(unsafe { S::to_int(self.0) })
     }
 
     /// e^x for x ≤ 0, to two units in the last place; e^-87 and below is about 1e-38.
@@ -178,50 +189,102 @@ impl F {
         let n = (x * LOG2_E + 0.5).floor();
         let r = x - n * LN2_HI - n * LN2_LO;
         // Taylor's series to r⁷ over |r| ≤ ln 2 / 2 ends below 1e-8.
-        let mut p = Self::splat(1.0 / 5040.0);
-        for c in [1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
-            p = p * r + c;
-        }
-        let n = n.to_int();
-        Self(lanes!(i => p.0[i] * f32::from_bits(((n.0[i] + 127) as u32) << 23)))
+        let p = r * (1.0 / 5040.0) + 1.0 / 720.0;
+        let p = p * r + 1.0 / 120.0;
+        let p = p * r + 1.0 / 24.0;
+        let p = p * r + 1.0 / 6.0;
+        let p = p * r + 0.5;
+        let p = p * r + 1.0;
+        let p = p * r + 1.0;
+        p * Self::of(S::power_of_two(n.to_int().0))
     }
 }
 
-impl I {
+impl<S: Simd> I<S> {
+    /// A packet of these lanes.
+    #[inline(always)]
+    pub(crate) fn of(lanes: [i32; LANES]) -> Self {
+        Self(lanes, PhantomData)
+    }
+
+    #[inline(always)]
+    pub(crate) fn splat(v: i32) -> Self {
+        Self::of([v; LANES])
+    }
+
+    #[inline(always)]
+    pub(crate) fn to_float(self) -> F<S> {
+        F::of(S::to_float(self.0))
+    }
+
     #[inline(always)]
     pub(crate) fn plus(self, other: Self) -> Self {
-        Self(lanes!(i => self.0[i] + other.0[i]))
+        Self::of(S::plus(self.0, other.0))
+    }
+
+    #[inline(always)]
+    pub(crate) fn times(self, other: i32) -> Self {
+        Self::of(S::times(self.0, [other; LANES]))
+    }
+
+    /// Where the lanes are less than `value`.
+    #[inline(always)]
+    pub(crate) fn below(self, value: i32) -> M<S> {
+        M::of(S::below(self.0, [value; LANES]))
+    }
+
+    /// Where the lanes are `value`.
+    #[inline(always)]
+    pub(crate) fn is(self, value: i32) -> M<S> {
+        M::of(S::equal(self.0, [value; LANES]))
     }
 }
 
-impl M {
+impl<S: Simd> M<S> {
+    /// Every lane.
+    pub(crate) const ALL: Self = Self([u32::MAX; LANES], PhantomData);
+
+    /// A packet of these lanes, each all bits or none.
     #[inline(always)]
-    pub(crate) fn select(self, yes: F, no: F) -> F {
-        F(lanes!(i => f32::from_bits(self.0[i] & yes.0[i].to_bits() | !self.0[i] & no.0[i].to_bits())))
+    pub(crate) fn of(lanes: [u32; LANES]) -> Self {
+        Self(lanes, PhantomData)
+    }
+
+    #[inline(always)]
+    pub(crate) fn select(self, yes: F<S>, no: F<S>) -> F<S> {
+        F::of(S::select(self.0, yes.0, no.0))
+    }
+
+    /// `value` where true, and zero elsewhere.
+    #[inline(always)]
+    pub(crate) fn choose(self, value: i32) -> I<S> {
+        I::of(S::choose(self.0, [value; LANES], [0; LANES]))
     }
 
     #[inline(always)]
     pub(crate) fn and(self, other: Self) -> Self {
-        Self(lanes!(i => self.0[i] & other.0[i]))
-    }
-
-    #[inline(always)]
-    pub(crate) fn any(self) -> bool {
-        let mut all = 0;
-        for m in self.0 {
-            all |= m;
-        }
-        all != 0
+        Self::of(S::and(self.0, other.0))
     }
 
     #[inline(always)]
     pub(crate) fn or(self, other: Self) -> Self {
-        Self(lanes!(i => self.0[i] | other.0[i]))
+        Self::of(S::or(self.0, other.0))
     }
 
     #[inline(always)]
     pub(crate) fn not(self) -> Self {
-        Self(lanes!(i => !self.0[i]))
+        Self::of(S::not(self.0))
+    }
+
+    #[inline(always)]
+    pub(crate) fn any(self) -> bool {
+        self.bits() != 0
+    }
+
+    /// A bit for each lane, the first one lowest.
+    #[inline(always)]
+    pub(crate) fn bits(self) -> u32 {
+        S::bits(self.0)
     }
 
     #[inline(always)]
@@ -232,19 +295,21 @@ impl M {
 
 /// The sum of products of two triples of packets.
 #[inline(always)]
-pub(crate) fn dot(a: [F; 3], b: [F; 3]) -> F {
+pub(crate) fn dot<S: Simd>(a: [F<S>; 3], b: [F<S>; 3]) -> F<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// a + (b - a) f.
 #[inline(always)]
-pub(crate) fn lerp(a: F, b: F, f: F) -> F {
+pub(crate) fn lerp<S: Simd>(a: F<S>, b: F<S>, f: F<S>) -> F<S> {
     a + (b - a) * f
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::simd::Portable;
+
+    type F = super::F<Portable>;
 
     #[test]
     fn exp_is_within_two_units_in_the_last_place() {

@@ -24,6 +24,7 @@ const CHECKED: &str = "checks a slice once, so that lookups need not";
 const LANES: &str = "carries between memory and the lanes of packets";
 const PLANE: &str =
     "a direction keeps its last two planes in the cache, with a border, so that packets load without asking";
+const GROUPS: &str = "lanes whose lookups fall between the same texels are looked up together";
 const SLICE: &str = "a slice is handed to the helper instead";
 
 const CPU: Backend = Backend {
@@ -67,9 +68,9 @@ const CPU: Backend = Backend {
         ("path", "splat", LANES),
         ("photons", "run", MEMORY),
         ("photons", "shared", "elsewhere a type, or a function, says that integers are added to atomically"),
-        ("march", "load", LANES),
-        ("march", "store", LANES),
         ("march", "block", LANES),
+        ("march", "packets", LANES),
+        ("march", "lanes_of", LANES),
         ("march", "layered", "elsewhere each field has lookups of its own, generated"),
         ("inject", "run", MEMORY),
         ("inject", "rows", MEMORY),
@@ -78,16 +79,22 @@ const CPU: Backend = Backend {
         ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
         ("sample", "new", CHECKED),
         ("field", "new", CHECKED),
+        ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
         ("field", "texel", "generated elsewhere"),
         ("field", "single", "a path is alone, and a packet of it would look up sixteen points"),
-        ("field", "gather", "generated elsewhere, as texel"),
         ("field", "place", "the place of a lookup serves all layers"),
         ("field", "layer", "the place of a lookup serves all layers"),
         ("field", "mix", "colors are no packets; elsewhere an operator"),
         ("field", "packet", LANES),
+        ("field", "places", GROUPS),
+        ("field", "group", GROUPS),
+        ("field", "add", GROUPS),
+        ("field", "channel", GROUPS),
+        ("field", "between", GROUPS),
     ],
     lacks: &[
+        ("field", "nearest", GROUPS),
         ("phase", "phase_value", SLICE),
         ("phase", "phase_size", SLICE),
         ("harmonics", "harmonics_value", SLICE),

@@ -3,10 +3,11 @@
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use crate::packet::F;
+use crate::simd::Simd;
 
 /// The angle of (x, y) from +x toward +y, in (-π, π], to three units in the last place.
 #[inline(always)]
-pub(crate) fn angle(y: F, x: F) -> F {
+pub(crate) fn angle<S: Simd>(y: F<S>, x: F<S>) -> F<S> {
     let (ax, ay) = (x.abs(), y.abs());
     let long = ax.max(ay);
     let t = ax.min(ay) / long;
@@ -29,7 +30,7 @@ pub(crate) fn angle(y: F, x: F) -> F {
 
 /// The angle of a cosine.
 #[inline(always)]
-pub(crate) fn angle_of_cosine(c: F) -> F {
+pub(crate) fn angle_of_cosine<S: Simd>(c: F<S>) -> F<S> {
     let x = c.max(F::splat(-1.0)).min(F::ONE);
     angle(((F::ONE - x) * (x + 1.0)).sqrt(), x)
 }
@@ -37,6 +38,9 @@ pub(crate) fn angle_of_cosine(c: F) -> F {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Portable;
+
+    type F = crate::packet::F<Portable>;
 
     #[test]
     fn angles_are_within_three_units_in_the_last_place() {

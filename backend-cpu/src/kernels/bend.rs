@@ -9,6 +9,7 @@ use super::angle::angle_of_cosine;
 use super::phase::{Phase, phase};
 use super::random::{Draws, circle, draw};
 use crate::packet::F;
+use crate::simd::Portable;
 
 /// Values of an item of a choice.
 const CHOICE: usize = Path::CHOICE as usize;
@@ -82,8 +83,8 @@ pub(crate) fn bend(of: &Phase<'_>, bends: &[f32], draws: &mut Draws) -> f32 {
 pub(crate) fn bend_density(of: &Phase<'_>, bends: &[f32], c: f32) -> f32 {
     if of.kind == PhaseParams::TABLE {
         let last = of.table.len() - 1;
-        let piece = (angle_of_cosine(F::splat(c)).0[0] / PI * last as f32) as usize;
+        let piece = (angle_of_cosine(F::<Portable>::splat(c)).0[0] / PI * last as f32) as usize;
         return bends[CHOICE * piece.min(last - 1) + 2];
     }
-    phase(of, F::splat(c)).0[0]
+    phase(of, F::<Portable>::splat(c)).0[0]
 }

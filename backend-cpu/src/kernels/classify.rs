@@ -10,6 +10,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, lanes, triple};
+use crate::simd::Simd;
 
 const PACK: usize = Classify::PACK as usize;
 
@@ -19,10 +20,10 @@ struct Inputs<'a> {
 }
 
 /// Sixteen control points.
-struct Points {
-    density: F,
-    first: [F; 3],
-    second: [F; 3],
+struct Points<S> {
+    density: F<S>,
+    first: [F<S>; 3],
+    second: [F<S>; 3],
 }
 
 pub(crate) fn run(stage: &Classify, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
@@ -43,7 +44,7 @@ pub(crate) fn run(stage: &Classify, range: Range<u32>, memory: &mut Memory<'_>, 
         if !voxels.is_empty() {
             let (inputs, values) = (&inputs, &values[voxels.clone()]);
             let out = &mut out[voxels.start * channels..voxels.end * channels];
-            compiled_for!(isa, classify(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]));
+            compiled_for!(isa, classify<S>(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]));
         }
     });
     Ok(())
@@ -51,10 +52,10 @@ pub(crate) fn run(stage: &Classify, range: Range<u32>, memory: &mut Memory<'_>, 
 
 /// Voxels of a slice, one behind the other.
 #[inline(always)]
-fn classify(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]) {
+fn classify<S: Simd>(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]) {
     let (kind, channels) = (inputs.p.dims[3], inputs.p.channels() as usize);
     for (values, out) in values.chunks(LANES).zip(out.chunks_mut(LANES * channels)) {
-        let p = point(inputs, F(lanes!(i => values[i.min(values.len() - 1)])));
+        let p = point::<S>(inputs, F::of(lanes!(i => values[i.min(values.len() - 1)])));
         if channels == 1 {
             let reach = p.first[0].max(p.first[1]).max(p.first[2]);
             let found = if kind == classify_kind::REACH { reach } else { p.density };
@@ -70,7 +71,7 @@ fn classify(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]) {
 
 /// What the control points say of values: linear between two, constant beyond the first and the last.
 #[inline(always)]
-fn point(inputs: &Inputs<'_>, value: F) -> Points {
+fn point<S: Simd>(inputs: &Inputs<'_>, value: F<S>) -> Points<S> {
     let last = inputs.points.len() - 1;
     let mut below = [0usize; LANES];
     for point in inputs.points {
@@ -80,20 +81,20 @@ fn point(inputs: &Inputs<'_>, value: F) -> Points {
     }
     let a = |i: usize| &inputs.points[below[i].max(1) - 1];
     let b = |i: usize| &inputs.points[below[i].min(last)];
-    let width = F(lanes!(i => b(i).place[0] - a(i).place[0]));
+    let width = F::of(lanes!(i => b(i).place[0] - a(i).place[0]));
     // Beyond the ends both are one point, and between them never.
-    let f = width.gt(F::ZERO).select((value - F(lanes!(i => a(i).place[0]))) / width, F::ZERO);
-    let mixed = |a: F, b: F| a + (b - a) * f;
+    let f = width.gt(F::ZERO).select((value - F::of(lanes!(i => a(i).place[0]))) / width, F::ZERO);
+    let mixed = |a: F<S>, b: F<S>| a + (b - a) * f;
     Points {
-        density: mixed(F(lanes!(i => a(i).place[1])), F(lanes!(i => b(i).place[1]))),
-        first: triple!(c => mixed(F(lanes!(i => a(i).first[c])), F(lanes!(i => b(i).first[c])))),
-        second: triple!(c => mixed(F(lanes!(i => a(i).second[c])), F(lanes!(i => b(i).second[c])))),
+        density: mixed(F::of(lanes!(i => a(i).place[1])), F::of(lanes!(i => b(i).place[1]))),
+        first: triple!(c => mixed(F::of(lanes!(i => a(i).first[c])), F::of(lanes!(i => b(i).first[c])))),
+        second: triple!(c => mixed(F::of(lanes!(i => a(i).second[c])), F::of(lanes!(i => b(i).second[c])))),
     }
 }
 
 /// The colours of a kind that has some.
 #[inline(always)]
-fn color(inputs: &Inputs<'_>, p: &Points) -> [F; 3] {
+fn color<S: Simd>(inputs: &Inputs<'_>, p: &Points<S>) -> [F<S>; 3] {
     if inputs.p.dims[3] == classify_kind::COLOR {
         return p.first;
     }

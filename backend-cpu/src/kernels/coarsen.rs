@@ -31,10 +31,10 @@ pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>) -
     };
     let inputs = Inputs {
         p,
-        density: Scalars::new(read.field(stage.density)?, p.dims),
+        density: read.scalars(stage.density)?,
         scattering: colors(stage.scattering)?,
         emission: match stage.emission {
-            Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
+            Some(field) => Some(read.scalars(field)?),
             None => None,
         },
         emission_color: colors(stage.emission_color)?,

@@ -10,6 +10,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, lanes, triple};
+use crate::simd::{Floats, Simd};
 
 /// Rows of matrices that one task takes.
 const CHUNK: usize = 64;
@@ -18,7 +19,7 @@ struct Inputs<'a> {
     p: &'a EvaluateParams,
     matrices: &'a [f32],
     /// Red, green and blue, sixteen functions at a time; zero past the last.
-    light: [Vec<F>; 3],
+    light: [Vec<Floats>; 3],
     views: &'a [f32],
 }
 
@@ -29,7 +30,7 @@ pub(crate) fn run(stage: &Evaluate, range: Range<u32>, memory: &mut Memory<'_>, 
     let (planes, functions) = (read.buf(stage.light)?, p.functions as usize);
     let value = |c: usize, k: usize| if k < functions { planes[c * functions + k] } else { 0.0 };
     let packets = 0..functions.div_ceil(LANES);
-    let plane = |c: usize| packets.clone().map(|n| F(lanes!(i => value(c, n * LANES + i)))).collect();
+    let plane = |c: usize| packets.clone().map(|n| lanes!(i => value(c, n * LANES + i))).collect();
     let (matrices, views) = (read.buf(stage.matrices)?, read.opt(stage.views)?);
     let inputs = &Inputs { p, matrices, light: [0, 1, 2].map(plane), views };
     let (start, end) = (range.start as usize, range.end as usize);
@@ -38,20 +39,20 @@ pub(crate) fn run(stage: &Evaluate, range: Range<u32>, memory: &mut Memory<'_>, 
     let chunk = (CHUNK / rows).max(1);
     out[start..end].par_chunks_mut(chunk).enumerate().for_each(|(n, out)| {
         let first = start + n * chunk;
-        compiled_for!(isa, evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]));
+        compiled_for!(isa, evaluate<S>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]));
     });
     Ok(())
 }
 
 /// Moments from `first` on, or units where folded.
 #[inline(always)]
-fn evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
+fn evaluate<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
     let p = inputs.p;
     for (i, place) in out.iter_mut().enumerate() {
         let index = first + i;
         let mut sum = [0.0; 3];
         if p.folded == 0 {
-            sum = moment(inputs, index);
+            sum = moment::<S>(inputs, index);
         } else {
             if p.coefficient_begin > 0 {
                 // What the passes before left.
@@ -59,7 +60,7 @@ fn evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
             }
             let (moments, cluster) = (p.coefficients as usize, index / p.per_cluster as usize);
             for j in p.coefficient_begin as usize..p.coefficient_end as usize {
-                let (view, moment) = (inputs.views[cluster * moments + j], moment(inputs, index * moments + j));
+                let (view, moment) = (inputs.views[cluster * moments + j], moment::<S>(inputs, index * moments + j));
                 sum = triple!(c => sum[c] + view * moment[c]);
             }
         }
@@ -69,26 +70,26 @@ fn evaluate(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
 
 /// What a row of the matrices makes of light, sixteen functions at a time.
 #[inline(always)]
-fn moment(inputs: &Inputs<'_>, row: usize) -> [f32; 3] {
+fn moment<S: Simd>(inputs: &Inputs<'_>, row: usize) -> [f32; 3] {
     let functions = inputs.p.functions as usize;
     let row = &inputs.matrices[row * functions..][..functions];
     let [red, green, blue] = inputs.light.each_ref().map(|plane| &plane[..functions.div_ceil(LANES)]);
-    let (mut r, mut g, mut b) = (F::ZERO, F::ZERO, F::ZERO);
+    let (mut r, mut g, mut b) = (F::<S>::ZERO, F::<S>::ZERO, F::<S>::ZERO);
     for (n, m) in row.chunks(LANES).enumerate() {
-        let m = match <&[f32; LANES]>::try_from(m).ok() {
-            Some(m) => F(*m),
-            None => F(lanes!(i => if i < m.len() { m[i] } else { 0.0 })),
+        let m = match m.first_chunk::<LANES>() {
+            Some(m) => F::of(*m),
+            None => F::of(lanes!(i => if i < m.len() { m[i] } else { 0.0 })),
         };
-        r = r + m * red[n];
-        g = g + m * green[n];
-        b = b + m * blue[n];
+        r = r + m * F::of(red[n]);
+        g = g + m * F::of(green[n]);
+        b = b + m * F::of(blue[n]);
     }
     [total(r), total(g), total(b)]
 }
 
 /// The sum of the lanes.
 #[inline(always)]
-fn total(packet: F) -> f32 {
+fn total<S: Simd>(packet: F<S>) -> f32 {
     let mut sum = 0.0;
     for v in packet.0 {
         sum += v;

@@ -1,6 +1,7 @@
 //! Lookups of fields.
 
-use crate::packet::{F, I, LANES, M, lanes, lerp, triple};
+use crate::packet::{F, I, LANES, M, lerp, triple};
+use crate::simd::Simd;
 
 /// Texels of four values in layers, which are fastest; looked up one point at a time.
 #[derive(Clone, Copy)]
@@ -33,14 +34,6 @@ impl<'a> Colors<'a> {
         p.max(0.0).min((self.dims[a] - 1) as f32)
     }
 
-    /// The nearest texels to `p`.
-    #[inline(always)]
-    pub(crate) fn nearest(&self, p: [f32; 3]) -> Place<'a> {
-        // Half a texel on and rounded down.
-        let at = triple!(a => self.within(p[a] + 0.5, a) as usize);
-        self.place(at, at, [0.0; 3])
-    }
-
     /// The texels around `p`, where texel i lies at i; indices clamped at the edge.
     #[inline(always)]
     pub(crate) fn sample(&self, p: [f32; 3]) -> Place<'a> {
@@ -52,13 +45,12 @@ impl<'a> Colors<'a> {
 
     /// RGB of the first layer around each lane's point; zero in lanes that are not active.
     #[inline(always)]
-    pub(crate) fn packet(&self, p: [F; 3], active: M) -> [F; 3] {
-        let mut found = [F::ZERO; 3];
-        for i in 0..LANES {
-            if active.lane(i) {
-                let texel = self.sample(triple!(a => p[a].0[i])).layer(0);
-                (0..3).for_each(|c| found[c].0[i] = texel[c]);
-            }
+    pub(crate) fn packet<S: Simd>(&self, p: [F<S>; 3], active: M<S>) -> [F<S>; 3] {
+        let (places, mut found, mut left) = (self.places(p, true), [F::ZERO; 3], active);
+        while left.any() {
+            let group = self.group(&places, left);
+            group.add(&places, 0, F::ONE, &mut found);
+            left = left.and(group.lanes.not());
         }
         found
     }
@@ -95,20 +87,133 @@ fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     [a[0] + (b[0] - a[0]) * f, a[1] + (b[1] - a[1]) * f, a[2] + (b[2] - a[2]) * f, a[3] + (b[3] - a[3]) * f]
 }
 
+/// Where the lookups of a packet fall in [`Colors`].
+pub(crate) struct Places<S> {
+    /// The lower texel's first layer.
+    near: I<S>,
+    /// From there to the upper texel along each axis: nothing at the edge.
+    hop: [I<S>; 3],
+    /// The place between them.
+    f: [F<S>; 3],
+}
+
+/// Lanes whose lookups fall between the same texels.
+pub(crate) struct Group<'a, S> {
+    pub(crate) lanes: M<S>,
+    /// Whether they are so few that one by one is faster.
+    few: bool,
+    place: Place<'a>,
+}
+
+impl<'a> Colors<'a> {
+    /// The texels around each lane's `p`, or the nearest one.
+    #[inline(always)]
+    pub(crate) fn places<S: Simd>(&self, p: [F<S>; 3], trilinear: bool) -> Places<S> {
+        let last = triple!(a => (self.dims[a] - 1) as f32);
+        let by = if trilinear { 0.0 } else { 0.5 };
+        let q = triple!(a => (p[a] + by).max(F::ZERO).min(F::splat(last[a])));
+        let lo = triple!(a => q[a].to_int());
+        let row = (self.layers * self.dims[0]) as i32;
+        let pitch = [self.layers as i32, row, row * self.dims[1] as i32];
+        let reach = triple!(a => if trilinear { self.dims[a] as i32 - 1 } else { 0 });
+        let weight = if trilinear { 1.0 } else { 0.0 };
+        Places {
+            near: lo[0].times(pitch[0]).plus(lo[1].times(pitch[1])).plus(lo[2].times(pitch[2])),
+            hop: triple!(a => lo[a].below(reach[a]).choose(pitch[a])),
+            f: triple!(a => (q[a] - lo[a].to_float()) * weight),
+        }
+    }
+
+    /// The first of the lanes `left` and those that fall between the same texels.
+    #[inline(always)]
+    pub(crate) fn group<S: Simd>(&self, places: &Places<S>, left: M<S>) -> Group<'a, S> {
+        /// Up to so many lanes one by one take less than a packet.
+        const FEW: u32 = 2;
+        let first = left.bits().trailing_zeros() as usize % LANES;
+        let near = places.near.0[first];
+        let lanes = left.and(places.near.is(near));
+        let hop = triple!(a => places.hop[a].0[first] as usize);
+        let place = Place {
+            texels: self.texels,
+            x: [near as usize, near as usize + hop[0]],
+            y: [0, hop[1]],
+            z: [0, hop[2]],
+            f: triple!(a => places.f[a].0[first]),
+        };
+        Group { lanes, few: lanes.bits().count_ones() <= FEW, place }
+    }
+}
+
+impl<S: Simd> Group<'_, S> {
+    /// Adds a layer times a weight to the group's lanes of `out`.
+    #[inline(always)]
+    pub(crate) fn add<const CHANNELS: usize>(
+        &self,
+        places: &Places<S>,
+        layer: usize,
+        weight: F<S>,
+        out: &mut [F<S>; CHANNELS],
+    ) {
+        if self.few {
+            let mut left = self.lanes.bits();
+            while left != 0 {
+                let i = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let texel = Place { f: triple!(a => places.f[a].0[i]), ..self.place }.layer(layer);
+                for c in 0..CHANNELS {
+                    out[c].0[i] += weight.0[i] * texel[c];
+                }
+            }
+            return;
+        }
+        let corner = |j: usize, k: usize| self.place.z[k] + self.place.y[j] + layer;
+        let at = |start: usize, i: usize| self.place.texels[start + self.place.x[i]];
+        let corners = [
+            [at(corner(0, 0), 0), at(corner(0, 0), 1)],
+            [at(corner(1, 0), 0), at(corner(1, 0), 1)],
+            [at(corner(0, 1), 0), at(corner(0, 1), 1)],
+            [at(corner(1, 1), 0), at(corner(1, 1), 1)],
+        ];
+        out[0] = self.channel(&corners, places, 0, weight, out[0]);
+        out[1] = self.channel(&corners, places, 1, weight, out[1]);
+        out[2] = self.channel(&corners, places, 2, weight, out[2]);
+        if CHANNELS > 3 {
+            out[3] = self.channel(&corners, places, 3, weight, out[3]);
+        }
+    }
+
+    /// `before`, and in the group's lanes more by a weight times what lies between a channel of eight texels: by the same
+    /// sums as one by one, a + (b - a) f.
+    #[inline(always)]
+    fn channel(&self, corners: &[[[f32; 4]; 2]; 4], places: &Places<S>, c: usize, weight: F<S>, before: F<S>) -> F<S> {
+        let [x, y, z] = places.f;
+        let near = lerp(between(&corners[0], c, x), between(&corners[1], c, x), y);
+        let far = lerp(between(&corners[2], c, x), between(&corners[3], c, x), y);
+        self.lanes.select(before + weight * lerp(near, far, z), before)
+    }
+}
+
+/// Between a channel of two texels.
+#[inline(always)]
+fn between<S: Simd>(texels: &[[f32; 4]; 2], c: usize, f: F<S>) -> F<S> {
+    f * (texels[1][c] - texels[0][c]) + texels[0][c]
+}
+
 /// One layer of scalars that packets look up: the only place that reads memory without a check.
 #[derive(Clone, Copy)]
 pub(crate) struct Scalars<'a> {
+    /// The texels and at least one more float.
     texels: &'a [f32],
     dims: [i32; 3],
 }
 
 impl<'a> Scalars<'a> {
-    /// The texels of a field of `dims`.
-    pub(crate) fn new(texels: &'a [f32], dims: [u32; 4]) -> Self {
-        let dims = [dims[0] as i32, dims[1] as i32, dims[2] as i32];
+    /// The texels of a field of `dims`, with at least one float behind them.
+    pub(crate) fn new(texels: &'a [f32], dims: [u32; 3]) -> Self {
+        let dims = dims.map(|d| d as i32);
         assert!(dims.iter().all(|&d| d > 0));
         let count = dims.iter().map(|&d| d as usize).product::<usize>();
-        assert!(texels.len() == count && count <= i32::MAX as usize);
+        assert!(texels.len() > count && count <= i32::MAX as usize);
         Self { texels, dims }
     }
 
@@ -126,25 +231,24 @@ impl<'a> Scalars<'a> {
 
     /// Coordinates `p` within the texels' along axis `a`, also where they are not numbers.
     #[inline(always)]
-    fn within(&self, p: F, a: usize) -> F {
+    fn within<S: Simd>(&self, p: F<S>, a: usize) -> F<S> {
         p.max(F::ZERO).min(F::splat((self.dims[a] - 1) as f32))
     }
 
-    /// Trilinear lookup at `p`, where texel i lies at i; x then y then z, indices clamped at the edge.
+    /// The value at each lane's point, where texel i lies at i: trilinear, x then y then z, indices clamped at the edge.
     #[inline(always)]
-    pub(crate) fn sample(&self, p: [F; 3]) -> F {
-        // Clamping the point is clamping both indices: beyond the outermost centres both are the same texel.
+    pub(crate) fn sample<S: Simd>(&self, p: [F<S>; 3]) -> F<S> {
         let q = triple!(a => self.within(p[a], a));
         let lo = triple!(a => q[a].to_int());
-        let f = triple!(a => q[a] - F(lanes!(i => lo[a].0[i] as f32)));
+        let f = triple!(a => q[a] - lo[a].to_float());
         let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
-        let pitch = [1, row, slice];
-        // Steps in offset to the upper texel: none at the edge.
-        let [dx, dy, dz] = triple!(a => I(lanes!(i => if lo[a].0[i] < self.dims[a] - 1 { pitch[a] } else { 0 })));
-        let near = I(lanes!(i => lo[0].0[i] + lo[1].0[i] * row + lo[2].0[i] * slice));
+        // To the next texel: none at the edge. Along x the one behind has no weight there.
+        let dy = lo[1].below(self.dims[1] - 1).choose(row);
+        let dz = lo[2].below(self.dims[2] - 1).choose(slice);
+        let near = lo[0].plus(lo[1].times(row)).plus(lo[2].times(slice));
         let far = near.plus(dz);
-        let near = lerp(self.row(near, dx, f[0]), self.row(near.plus(dy), dx, f[0]), f[1]);
-        let far = lerp(self.row(far, dx, f[0]), self.row(far.plus(dy), dx, f[0]), f[1]);
+        let near = lerp(self.row::<S>(near, f[0]), self.row::<S>(near.plus(dy), f[0]), f[1]);
+        let far = lerp(self.row::<S>(far, f[0]), self.row::<S>(far.plus(dy), f[0]), f[1]);
         lerp(near, far, f[2])
     }
 
@@ -163,17 +267,13 @@ impl<'a> Scalars<'a> {
         mix(plane(near), plane(near + dz), f[2])
     }
 
-    /// Between the texels at `at` and `dx` further.
+    /// Between the texels at `at` and those behind them.
     #[inline(always)]
-    fn row(&self, at: I, dx: I, f: F) -> F {
-        lerp(self.gather(at), self.gather(at.plus(dx)), f)
-    }
-
-    #[inline(always)]
-    fn gather(&self, offset: I) -> F {
+    fn row<S: Simd>(&self, at: I<S>, f: F<S>) -> F<S> {
         // SAFETY: offsets come from `sample` alone: each index is clamped to [0, dims - 1], also where the point is
-        // not a number, steps stay within, and `new` checked that the texels are as many as dims say.
+        // not a number, steps stay within, and `new` checked that the texels are one more than dims say.
         #[allow(unsafe_code)]
-        F(lanes!(i => unsafe { *self.texels.get_unchecked(offset.0[i] as usize) }))
+        let [a, b] = unsafe { S::two(self.texels, at.0) };
+        lerp(F::of(a), F::of(b), f)
     }
 }

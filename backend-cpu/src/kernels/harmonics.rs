@@ -3,13 +3,14 @@
 use airlight_core::basis::SphericalHarmonics;
 
 use crate::packet::F;
+use crate::simd::Simd;
 
 /// The most coefficients.
 pub(crate) const MAX: usize = SphericalHarmonics::DEVICE_BANDS.pow(2) as usize;
 
 /// Y_k(d) for all k below bands², by the recurrences of `airlight_core::basis::recurrence_table`.
 #[inline(always)]
-pub(crate) fn harmonics(table: &[f32], bands: usize, d: [F; 3], out: &mut [F; MAX]) {
+pub(crate) fn harmonics<S: Simd>(table: &[f32], bands: usize, d: [F<S>; 3], out: &mut [F<S>; MAX]) {
     let [x, y, z] = d;
     // Real and imaginary part of (z + i x)^m.
     let (mut re, mut im) = (F::ONE, F::ZERO);

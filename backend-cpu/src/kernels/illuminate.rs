@@ -15,6 +15,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::{Floats, Simd};
 
 /// Packets that one task takes at the least.
 const TASK: usize = 4;
@@ -35,7 +36,7 @@ pub(crate) fn run(stage: &Illuminate, range: Range<u32>, memory: &mut Memory<'_>
     let p = &stage.params;
     let inputs = Inputs {
         p,
-        density: Scalars::new(read.field(stage.density)?, p.dims),
+        density: read.scalars(stage.density)?,
         occupancy: match stage.occupancy {
             Some(buf) => Some(Occupancy::new(read.buf(buf)?, p.occupancy_cells)),
             None => None,
@@ -50,19 +51,19 @@ pub(crate) fn run(stage: &Illuminate, range: Range<u32>, memory: &mut Memory<'_>
     let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
     let (begin, last) = (range.start as usize, range.end as usize - 1);
     let packets = (range.end as usize - begin).div_ceil(LANES);
-    let sums: Vec<Vec<F>> = (0..packets)
+    let sums: Vec<Vec<Floats>> = (0..packets)
         .into_par_iter()
         .with_min_len(TASK)
         .map(|n| {
             let first = begin + n * LANES;
             let cell: [usize; LANES] = lanes!(i => (first + i).min(last));
-            let mut sums = vec![F::ZERO; values];
+            let mut sums = vec![[0.0; LANES]; values];
             if p.light_begin > 0 {
                 // What the passes before left.
-                sums.iter_mut().enumerate().for_each(|(v, sum)| *sum = F(lanes!(i => out[v * cells + cell[i]])));
+                sums.iter_mut().enumerate().for_each(|(v, sum)| *sum = lanes!(i => out[v * cells + cell[i]]));
             }
             let (inputs, to) = (&inputs, &mut sums[..]);
-            compiled_for!(isa, illuminate(inputs: &Inputs<'_>, cell: [usize; LANES], to: &mut [F]));
+            compiled_for!(isa, illuminate<S>(inputs: &Inputs<'_>, cell: [usize; LANES], to: &mut [Floats]));
             sums
         })
         .collect();
@@ -70,7 +71,7 @@ pub(crate) fn run(stage: &Illuminate, range: Range<u32>, memory: &mut Memory<'_>
         let first = begin + n * LANES;
         let count = LANES.min(last + 1 - first);
         for (v, sum) in sums.iter().enumerate() {
-            out[v * cells + first..][..count].copy_from_slice(&sum.0[..count]);
+            out[v * cells + first..][..count].copy_from_slice(&sum[..count]);
         }
     }
     Ok(())
@@ -78,13 +79,13 @@ pub(crate) fn run(stage: &Illuminate, range: Range<u32>, memory: &mut Memory<'_>
 
 /// Adds the lights at sixteen cells.
 #[inline(always)]
-fn illuminate(inputs: &Inputs<'_>, cell: [usize; LANES], sums: &mut [F]) {
+fn illuminate<S: Simd>(inputs: &Inputs<'_>, cell: [usize; LANES], sums: &mut [Floats]) {
     let p = inputs.p;
     let [x, y, ..] = p.cells.map(|n| n as usize);
     let place = [
-        F(lanes!(i => (cell[i] % x) as f32)),
-        F(lanes!(i => (cell[i] / x % y) as f32)),
-        F(lanes!(i => (cell[i] / x / y) as f32)),
+        F::of(lanes!(i => (cell[i] % x) as f32)),
+        F::of(lanes!(i => (cell[i] / x % y) as f32)),
+        F::of(lanes!(i => (cell[i] / x / y) as f32)),
     ];
     let index = triple!(a => (place[a] + 0.5) * p.cell[a] - 0.5);
     let from = triple!(a => index[a] - (p.dims[a] as f32 - 1.0) * 0.5);
@@ -94,7 +95,7 @@ fn illuminate(inputs: &Inputs<'_>, cell: [usize; LANES], sums: &mut [F]) {
     let d = triple!(a => at[a] / t.max(F::splat(f32::MIN_POSITIVE)));
     let mut basis = [F::ZERO; harmonics::MAX];
     for record in inputs.lights {
-        let [toward @ .., r, g, b] = arriving(inputs, record, [d[0], d[1], d[2], t], at, index);
+        let [toward @ .., r, g, b] = arriving::<S>(inputs, record, [d[0], d[1], d[2], t], at, index);
         let lit = r.max(g).max(b).gt(F::ZERO);
         if !lit.any() {
             continue;
@@ -103,7 +104,7 @@ fn illuminate(inputs: &Inputs<'_>, cell: [usize; LANES], sums: &mut [F]) {
         let power = [r, g, b];
         let channels = p.channels as usize;
         for (v, sum) in sums.iter_mut().enumerate() {
-            *sum = *sum + power[v % channels] * basis[v / channels];
+            *sum = (F::of(*sum) + power[v % channels] * basis[v / channels]).0;
         }
     }
 }
@@ -111,11 +112,17 @@ fn illuminate(inputs: &Inputs<'_>, cell: [usize; LANES], sums: &mut [F]) {
 /// Direction of a light at a place, `t` metres along `d` from the box's centre and `at` in metres from it, and what it
 /// brings there.
 #[inline(always)]
-fn arriving(inputs: &Inputs<'_>, record: &LightRecord, [x, y, z, t]: [F; 4], at: [F; 3], index: [F; 3]) -> [F; 6] {
+fn arriving<S: Simd>(
+    inputs: &Inputs<'_>,
+    record: &LightRecord,
+    [x, y, z, t]: [F<S>; 4],
+    at: [F<S>; 3],
+    index: [F<S>; 3],
+) -> [F<S>; 6] {
     let p = inputs.p;
     let light = incident(record, p.light_floor, [x, y, z], t);
     let toward = light.toward;
-    let mut lit: M = light.falloff.gt(F::ZERO);
+    let mut lit: M<S> = light.falloff.gt(F::ZERO);
     if p.visibility == 1 && lit.any() {
         let margin = MeshRecord::MARGIN * p.mesh_eye[3];
         let from = triple!(a => at[a] + p.mesh_eye[a]);

@@ -12,6 +12,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, dot, lanes, triple};
+use crate::simd::Simd;
 
 const BRICK: usize = Inject::BRICK as usize;
 /// Packets of a brick: two rows of eight samples each.
@@ -20,7 +21,7 @@ const PACKETS: usize = BRICK * BRICK * BRICK / LANES;
 const ACROSS: usize = PACKETS / BRICK;
 
 /// The density of a brick: packet z · 4 + y / 2, lane y % 2 · 8 + x.
-type Sums = [F; PACKETS];
+type Sums<S> = [F<S>; PACKETS];
 
 struct Inputs<'a> {
     p: &'a InjectParams,
@@ -57,7 +58,7 @@ pub(crate) fn run(stage: &Inject, range: Range<u32>, memory: &mut Memory<'_>, is
     let mut rows = rows(p, range, out);
     rows.par_iter_mut().for_each(|row| {
         let inputs = &inputs;
-        compiled_for!(isa, inject(inputs: &Inputs<'_>, row: &mut Row<'_>));
+        compiled_for!(isa, inject<S>(inputs: &Inputs<'_>, row: &mut Row<'_>));
     });
     Ok(())
 }
@@ -87,13 +88,13 @@ fn rows<'a>(p: &InjectParams, range: Range<u32>, out: &'a mut [f32]) -> Vec<Row<
 }
 
 #[inline(always)]
-fn inject(inputs: &Inputs<'_>, row: &mut Row<'_>) {
+fn inject<S: Simd>(inputs: &Inputs<'_>, row: &mut Row<'_>) {
     let p = inputs.p;
     let nx = p.dims[0] as usize;
     for x in row.bricks.clone() {
         let brick = [x, row.y, row.z];
         let wide = (nx - x as usize * BRICK).min(BRICK);
-        let mut sums = [F::ZERO; PACKETS];
+        let mut sums: Sums<S> = [F::ZERO; PACKETS];
         let more = p.dims[3] == inject_kind::GAUSSIANS && p.list_begin > 0;
         if more {
             // What the passes before left.
@@ -130,23 +131,23 @@ fn inject(inputs: &Inputs<'_>, row: &mut Row<'_>) {
 
 /// Indices of the samples of packet `n`.
 #[inline(always)]
-fn indices(brick: [u32; 3], n: usize) -> [F; 3] {
+fn indices<S: Simd>(brick: [u32; 3], n: usize) -> [F<S>; 3] {
     let first = triple!(a => (brick[a] as usize * BRICK) as f32);
     let y = first[1] + (n % ACROSS * 2) as f32;
     [
-        F(lanes!(i => first[0] + (i % BRICK) as f32)),
-        F(lanes!(i => y + (i / BRICK) as f32)),
+        F::of(lanes!(i => first[0] + (i % BRICK) as f32)),
+        F::of(lanes!(i => y + (i / BRICK) as f32)),
         F::splat(first[2] + (n / ACROSS) as f32),
     ]
 }
 
 /// The base at the samples of packet `n`; beyond the lattice, where nothing is kept, that of the last.
 #[inline(always)]
-fn base(inputs: &Inputs<'_>, brick: [u32; 3], n: usize) -> F {
-    let at = indices(brick, n);
+fn base<S: Simd>(inputs: &Inputs<'_>, brick: [u32; 3], n: usize) -> F<S> {
+    let at = indices::<S>(brick, n);
     let last = triple!(a => inputs.p.dims[a] as usize - 1);
     let (nx, ny) = (last[0] + 1, last[1] + 1);
-    F(lanes!(i => {
+    F::of(lanes!(i => {
         let [x, y, z] = triple!(a => (at[a].0[i] as usize).min(last[a]));
         inputs.base[(z * ny + y) * nx + x]
     }))
@@ -154,7 +155,7 @@ fn base(inputs: &Inputs<'_>, brick: [u32; 3], n: usize) -> F {
 
 /// Places of the samples of packet `n`.
 #[inline(always)]
-fn place(p: &InjectParams, brick: [u32; 3], n: usize) -> [F; 3] {
+fn place<S: Simd>(p: &InjectParams, brick: [u32; 3], n: usize) -> [F<S>; 3] {
     let at = indices(brick, n);
     let rows = [p.place_x, p.place_y, p.place_z];
     triple!(a => at[0] * rows[a][0] + at[1] * rows[a][1] + at[2] * rows[a][2] + F::splat(rows[a][3]))
@@ -162,13 +163,13 @@ fn place(p: &InjectParams, brick: [u32; 3], n: usize) -> [F; 3] {
 
 /// e^-q, or 0 from [`Inject::FAR`] on.
 #[inline(always)]
-fn bell(q: F) -> F {
+fn bell<S: Simd>(q: F<S>) -> F<S> {
     q.lt(F::splat(Inject::FAR)).select((-q.min(F::splat(Inject::FAR))).exp_negative(), F::ZERO)
 }
 
 /// Adds the Gaussians of a brick's list.
 #[inline(always)]
-fn gaussians(inputs: &Inputs<'_>, brick: [u32; 3], sums: &mut Sums) {
+fn gaussians<S: Simd>(inputs: &Inputs<'_>, brick: [u32; 3], sums: &mut Sums<S>) {
     let p = inputs.p;
     let bin = triple!(a => (brick[a] >> p.bricks[3]) as usize);
     let bin = (bin[2] * p.bins[1] as usize + bin[1]) * p.bins[0] as usize + bin[0];
@@ -216,34 +217,34 @@ const _: () = assert!(ACROSS == 4, "`across!` names every packet of a slice");
 /// Where the lattice's edges stand at right angles, the exponential of a sum of three squares along them is a product
 /// of three, and a brick takes 24 exponentials for a Gaussian in place of 512.
 #[inline(always)]
-fn separate(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums) {
+fn separate<S: Simd>(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums<S>) {
     let p = inputs.p;
     let rows = [p.place_x, p.place_y, p.place_z];
     let edges = triple!(a => [rows[0][a], rows[1][a], rows[2][a]]);
     let length =
         triple!(a => (edges[a][0] * edges[a][0] + edges[a][1] * edges[a][1] + edges[a][2] * edges[a][2]).sqrt());
-    let first = place(p, brick, 0);
+    let first = place::<S>(p, brick, 0);
     let corner = triple!(a => first[a].0[0]);
     // Metres from the brick's first sample: along x in the lower lanes and along y in the upper, and along z.
-    let level = F(lanes!(i => (i % BRICK) as f32 * length[i / BRICK]));
-    let upright = F(lanes!(i => (i % BRICK) as f32 * length[2]));
+    let level: F<S> = F::of(lanes!(i => (i % BRICK) as f32 * length[i / BRICK]));
+    let upright: F<S> = F::of(lanes!(i => (i % BRICK) as f32 * length[2]));
     for &number in list {
         let [bx, by, bz, a2] = inputs.blobs[number as usize].center;
         let c = inputs.blobs[number as usize].amplitude[0];
         let d = [corner[0] - bx, corner[1] - by, corner[2] - bz];
         let t = triple!(a => (d[0] * edges[a][0] + d[1] * edges[a][1] + d[2] * edges[a][2]) / length[a]);
-        let xy = level + F(lanes!(i => t[i / BRICK]));
+        let xy = level + F::of(lanes!(i => t[i / BRICK]));
         let z = upright + t[2];
         let xy = bell(xy * xy * a2);
         let z = bell(z * z * a2);
-        let x = F(lanes!(i => xy.0[i % BRICK] * c));
+        let x = F::of(lanes!(i => xy.0[i % BRICK] * c));
         for k in 0..BRICK {
             if z.0[k] == 0.0 {
                 continue;
             }
             let xz = x * z.0[k];
             across!(n => {
-                let y = F(lanes!(i => xy.0[BRICK + 2 * n + i / BRICK]));
+                let y = F::of(lanes!(i => xy.0[BRICK + 2 * n + i / BRICK]));
                 sums[k * ACROSS + n] = sums[k * ACROSS + n] + xz * y;
             });
         }

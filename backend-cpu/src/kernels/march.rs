@@ -8,23 +8,27 @@ use airlight_core::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, alo
 use rayon::prelude::*;
 
 use super::face::{face, side_of};
-use super::field::{Colors, Place, Scalars};
+use super::field::{Colors, Places, Scalars};
 use super::harmonics::{self, harmonics};
 use super::light::{Incident, incident, to_index};
 use super::mesh::{Mesh, line};
 use super::phase::{Phase, phase};
 use super::phong::{normal, phong};
-use super::sample::{Occupancy, Ray};
+use super::sample::{Ahead, Occupancy, Ray};
 use super::segment::segment;
 use super::sky::{Sky, sky};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::parts::Parts;
+use crate::simd::{Floats, Simd};
 
 const BLOCK: usize = March::BLOCK as usize;
-/// Pixels along each side of a packet.
+/// Pixels<S> along each side of a packet.
 const SIDE: usize = 4;
+/// Blocks along each side of what a task takes.
+const TILE: usize = 4;
 
 struct Inputs<'a> {
     p: &'a MarchParams,
@@ -47,10 +51,7 @@ struct Inputs<'a> {
 }
 
 /// What is kept of sixteen pixels: the film, which holds sums between passes, and the path where rays are cut.
-struct Pixels {
-    film: [[F; 4]; 2],
-    path: [[F; 4]; 2],
-}
+type Pixels = [[[Floats; 4]; 2]; 2];
 
 pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.film)?;
@@ -59,7 +60,7 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
     }
     let (out, read) = memory.split();
     let p = &stage.params;
-    let density = Scalars::new(read.field(stage.density)?, p.dims);
+    let density = read.scalars(stage.density)?;
     let tables = read.buf(stage.tables)?;
     let [x, y, z, _] = p.dims;
     let colors = |field| match field {
@@ -71,7 +72,7 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         density,
         scattering: colors(stage.scattering)?,
         emission: match stage.emission {
-            Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
+            Some(field) => Some(read.scalars(field)?),
             None => None,
         },
         emission_color: colors(stage.emission_color)?,
@@ -112,31 +113,20 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         shadow_map: read.opt(stage.shadow_map)?,
         grey: [p.extinction, p.light_extinction].iter().all(|e| e[0] == e[1] && e[1] == e[2]),
     };
-    let mut out = out.into_iter().map(bytemuck::cast_slice_mut::<u8, Kept>);
-    let (film, paths) = (out.next().unwrap_or_default(), out.next().unwrap_or_default());
-    let (width, height) = (p.width as usize, p.height as usize);
-    let across = width.div_ceil(BLOCK);
-    // Whole rows of blocks are disjoint parts of the film; a task takes one row's blocks within the range.
-    let (first, last) = (range.start as usize / across, (range.end as usize).div_ceil(across));
-    let span = first * BLOCK * width..(last * BLOCK).min(height) * width;
-    let film = &mut film[span.clone()];
-    let mut paths = paths.get_mut(span).unwrap_or_default().chunks_mut(BLOCK * width);
-    let rows: Vec<Rows<'_>> = film
-        .chunks_mut(BLOCK * width)
-        .map(|film| Rows { film, paths: paths.next().unwrap_or_default(), width })
-        .collect();
-    let whole = first * across == range.start as usize && last * across == range.end as usize;
-    rows.into_par_iter().enumerate().for_each(|(n, mut rows)| {
-        let row = first + n;
-        let blocks = (0..across).filter(|x| whole || range.contains(&((row * across + x) as u32)));
-        // Blocks of one row are independent too: with few rows the cores would otherwise idle.
-        let done: Vec<(usize, Block)> = blocks
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .map(|x| (x, block(&inputs, isa, [x * BLOCK, row * BLOCK], &rows)))
-            .collect();
-        for (x, block) in done {
-            rows.store(x * BLOCK, &block);
+    let mut out = out.into_iter().map(|kept| Parts::new(bytemuck::cast_slice_mut::<u8, Kept>(kept)));
+    let (film, paths) = (out.next(), out.next());
+    let kept = [film.as_ref(), paths.as_ref()];
+    let [across, down] = [p.width, p.height].map(|n| (n as usize).div_ceil(BLOCK));
+    // A task takes blocks that lie together: their rays see the same part of the medium.
+    let tiles = across.div_ceil(TILE);
+    (0..tiles * down.div_ceil(TILE)).into_par_iter().for_each(|tile| {
+        let corner = [tile % tiles * TILE, tile / tiles * TILE];
+        for y in corner[1]..(corner[1] + TILE).min(down) {
+            for x in corner[0]..(corner[0] + TILE).min(across) {
+                if range.contains(&((y * across + x) as u32)) {
+                    block(&inputs, isa, [x * BLOCK, y * BLOCK], kept);
+                }
+            }
         }
     });
     Ok(())
@@ -145,92 +135,67 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
 /// Two vectors of a pixel: of the film, or of the path.
 type Kept = [[f32; 4]; 2];
 
-/// Film and path of a block's pixels, row by row.
-type Block = [[[Kept; 2]; BLOCK]; BLOCK];
-
-/// The pixels of a row of blocks; no paths where rays are not cut.
-struct Rows<'a> {
-    film: &'a mut [Kept],
-    paths: &'a mut [Kept],
-    width: usize,
-}
-
-impl Rows<'_> {
-    /// What earlier passes left of the block whose first column is `x`.
-    fn load(&self, x: usize, block: &mut Block) {
-        let count = BLOCK.min(self.width - x);
-        for (j, line) in self.film.chunks_exact(self.width).enumerate() {
-            (0..count).for_each(|i| block[j][i][0] = line[x + i]);
-        }
-        for (j, line) in self.paths.chunks_exact(self.width).enumerate() {
-            (0..count).for_each(|i| block[j][i][1] = line[x + i]);
-        }
-    }
-
-    fn store(&mut self, x: usize, block: &Block) {
-        let count = BLOCK.min(self.width - x);
-        for (j, line) in self.film.chunks_exact_mut(self.width).enumerate() {
-            (0..count).for_each(|i| line[x + i] = block[j][i][0]);
-        }
-        for (j, line) in self.paths.chunks_exact_mut(self.width).enumerate() {
-            (0..count).for_each(|i| line[x + i] = block[j][i][1]);
-        }
-    }
-}
-
-fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], rows: &Rows<'_>) -> Block {
-    let mut block = Block::default();
-    if inputs.p.sample_begin > 0 || inputs.p.step_begin > 0 {
-        rows.load(corner[0], &mut block);
-    }
+/// Marches the pixels of a block whose first one is `corner`, into the film and the paths.
+fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], kept: [Option<&Parts<'_, Kept>>; 2]) {
+    let (width, height) = (inputs.p.width as usize, inputs.p.height as usize);
+    let more = inputs.p.sample_begin > 0 || inputs.p.step_begin > 0;
     for packet in 0..(BLOCK / SIDE) * (BLOCK / SIDE) {
-        let at = [packet % (BLOCK / SIDE) * SIDE, packet / (BLOCK / SIDE) * SIDE];
-        let pixel = |i: usize| (at[1] + i / SIDE, at[0] + i % SIDE);
-        let load = |part: usize, half: usize| {
-            [0, 1, 2, 3].map(|c| {
-                F(std::array::from_fn(|i| {
-                    let (y, x) = pixel(i);
-                    block[y][x][part][half][c]
-                }))
-            })
+        let place = [corner[0] + packet % (BLOCK / SIDE) * SIDE, corner[1] + packet / (BLOCK / SIDE) * SIDE];
+        let pixel = |i: usize| {
+            let (x, y) = (place[0] + i % SIDE, place[1] + i / SIDE);
+            (x < width && y < height).then_some(y * width + x)
         };
-        let mut pixels = Pixels { film: [load(0, 0), load(0, 1)], path: [load(1, 0), load(1, 1)] };
-        let (place, out) = ([corner[0] + at[0], corner[1] + at[1]], &mut pixels);
-        compiled_for!(isa, march(inputs: &Inputs<'_>, place: [usize; 2], out: &mut Pixels));
-        for i in 0..LANES {
-            let (y, x) = pixel(i);
-            block[y][x] = [pixels.film, pixels.path].map(|kept| kept.map(|v| v.map(|c| c.0[i])));
+        let mut pixels: Pixels = [[[[0.0; LANES]; 4]; 2]; 2];
+        if more {
+            // What earlier passes left.
+            for (pixels, kept) in pixels.iter_mut().zip(kept) {
+                for (i, at) in (0..LANES).filter_map(|i| Some((i, pixel(i)?))) {
+                    // SAFETY: every pixel is of one block, and every block of one task.
+                    #[allow(unsafe_code)]
+                    let value = kept.map_or([[0.0; 4]; 2], |kept| unsafe { kept.get(at) });
+                    (0..2).for_each(|half| (0..4).for_each(|c| pixels[half][c][i] = value[half][c]));
+                }
+            }
+        }
+        let out = &mut pixels;
+        compiled_for!(isa, march<S>(inputs: &Inputs<'_>, place: [usize; 2], out: &mut Pixels));
+        for (pixels, kept) in pixels.iter().zip(kept) {
+            let Some(kept) = kept else { continue };
+            for (i, at) in (0..LANES).filter_map(|i| Some((i, pixel(i)?))) {
+                // SAFETY: as above.
+                #[allow(unsafe_code)]
+                unsafe {
+                    kept.set(at, [0, 1].map(|half| [0, 1, 2, 3].map(|c| pixels[half][c][i])));
+                }
+            }
         }
     }
-    block
 }
 
 /// Sixteen pixels from `corner` on: the mean over their sub-pixel positions.
 #[inline(always)]
-fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
+fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let p = inputs.p;
-    let marched = if p.alone == alone::RIMS { rim(inputs, corner) } else { F::ZERO.lt(F::ONE) };
+    let marched: M<S> = if p.alone == alone::RIMS { rim(inputs, corner) } else { M::ALL };
     if !marched.any() {
-        out.film = [
-            [F::ZERO, F::ZERO, F::ZERO, F::splat(March::UNMARCHED)],
-            [F::ONE, F::ONE, F::ONE, F::splat(f32::INFINITY)],
-        ];
+        let (zero, one) = ([0.0; LANES], [1.0; LANES]);
+        out[0] = [[zero, zero, zero, [March::UNMARCHED; LANES]], [one, one, one, [f32::INFINITY; LANES]]];
         return;
     }
     // The same pixels of the full picture. Those past its edge are marched as its last and never stored.
     let scale = p.scale as usize;
     let full = |n: usize, size: u32| (n * scale + scale / 2).min(size as usize - 1);
-    let fx = F(lanes!(i => full(corner[0] + i % SIDE, p.full_width) as f32));
-    let fy = F(lanes!(i => full(corner[1] + i / SIDE, p.full_height) as f32));
+    let fx = F::of(lanes!(i => full(corner[0] + i % SIDE, p.full_width) as f32));
+    let fy = F::of(lanes!(i => full(corner[1] + i / SIDE, p.full_height) as f32));
     let pixel = |i: usize| fy.0[i] as usize * p.full_width as usize + fx.0[i] as usize;
     let each = p.surface_samples as usize;
-    let seen = |s: usize, c: usize| F(lanes!(i => inputs.surface[pixel(i) * each + s % each][c]));
+    let seen = |s: usize, c: usize| F::of(lanes!(i => inputs.surface[pixel(i) * each + s % each][c]));
     let (mut color, mut through) = ([F::ZERO; 3], [F::ZERO; 3]);
     let (mut stopped, mut stopped_at) = (F::ZERO, F::ZERO);
     if p.sample_begin > 0 {
         // The sums of the passes before.
-        [color[0], color[1], color[2], stopped] = out.film[0];
-        [through[0], through[1], through[2], stopped_at] = out.film[1];
+        [color[0], color[1], color[2], stopped] = packets(&out[0][0]);
+        [through[0], through[1], through[2], stopped_at] = packets(&out[0][1]);
     }
     let ends = p.step_end == March::ALL_STEPS;
     for s in p.sample_begin as usize..p.sample_end as usize {
@@ -244,14 +209,17 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         let reach = marched.select(limit, F::ZERO);
         let mut path = Path::enter(inputs, d, reach, jitter(inputs, corner, s));
         if p.step_begin > 0 {
-            path.resume(&out.path);
+            path.resume(&out[1]);
         }
         path.walk(inputs);
         if !ends {
-            out.path = path.keep();
+            out[1] = path.keep();
             return;
         }
-        let mut behind = inputs.environment.map_or([F::ZERO; 3], |environment| sky(&environment, d));
+        let mut behind = match &inputs.environment {
+            Some(environment) => sky(environment, d),
+            None => [F::ZERO; 3],
+        };
         if p.alone != alone::NO {
             behind = [F::ZERO; 3];
         } else if let Some(surface) = &surface {
@@ -264,7 +232,7 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         stopped_at = stopped_at + path.stopped_at;
     }
     if p.sample_end < p.samples {
-        out.film = [[color[0], color[1], color[2], stopped], [through[0], through[1], through[2], stopped_at]];
+        out[0] = lanes_of([[color[0], color[1], color[2], stopped], [through[0], through[1], through[2], stopped_at]]);
         return;
     }
     let scale = 1.0 / p.samples as f32;
@@ -276,12 +244,24 @@ fn march(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     };
     let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, last];
     let depth = stopped.gt(F::ZERO).select(stopped_at / stopped, F::splat(f32::INFINITY));
-    out.film = [beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]];
+    out[0] = lanes_of([beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]]);
+}
+
+/// Four packets of these lanes.
+#[inline(always)]
+fn packets<S: Simd>(lanes: &[Floats; 4]) -> [F<S>; 4] {
+    [F::of(lanes[0]), F::of(lanes[1]), F::of(lanes[2]), F::of(lanes[3])]
+}
+
+/// The lanes of packets.
+#[inline(always)]
+fn lanes_of<S: Simd>([a, b]: [[F<S>; 4]; 2]) -> [[Floats; 4]; 2] {
+    [[a[0].0, a[1].0, a[2].0, a[3].0], [b[0].0, b[1].0, b[2].0, b[3].0]]
 }
 
 /// Which lanes lie near a rim: of the surfaces of five by five pixels around, the nearest and the farthest.
 #[inline(always)]
-fn rim(inputs: &Inputs<'_>, corner: [usize; 2]) -> M {
+fn rim<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2]) -> M<S> {
     let p = inputs.p;
     let (mut nearest, mut farthest) = (F::splat(FAR), F::ZERO);
     let around = |n: usize, size: u32| n.clamp(2, size as usize + 1) - 2;
@@ -292,7 +272,7 @@ fn rim(inputs: &Inputs<'_>, corner: [usize; 2]) -> M {
         inputs.surface[row * p.full_width as usize + column][3].min(FAR)
     };
     for k in 0..25 {
-        let distance = F(lanes!(i => distance(i, k)));
+        let distance = F::of(lanes!(i => distance(i, k)));
         (nearest, farthest) = (nearest.min(distance), farthest.max(distance));
     }
     nearest.lt(farthest * March::RIM)
@@ -300,7 +280,7 @@ fn rim(inputs: &Inputs<'_>, corner: [usize; 2]) -> M {
 
 /// Where the samples of a sub-pixel position lie within their steps.
 #[inline(always)]
-fn jitter(inputs: &Inputs<'_>, corner: [usize; 2], s: usize) -> F {
+fn jitter<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], s: usize) -> F<S> {
     let p = inputs.p;
     if p.jittered == 0 {
         return F::splat(0.5);
@@ -308,28 +288,28 @@ fn jitter(inputs: &Inputs<'_>, corner: [usize; 2], s: usize) -> F {
     const TILE: usize = blue_noise::SIDE as usize;
     let at = p.jitter_at as usize;
     let tile = &inputs.tables[at + p.samples as usize..][..TILE * TILE];
-    let place = F(lanes!(i => tile[(corner[1] + i / SIDE) % TILE * TILE + (corner[0] + i % SIDE) % TILE]));
+    let place = F::of(lanes!(i => tile[(corner[1] + i / SIDE) % TILE * TILE + (corner[0] + i % SIDE) % TILE]));
     let place = place + inputs.tables[at + s] + p.jitter_offset;
     place - place.floor()
 }
 
 /// One view ray of each lane.
-struct Path {
-    direction: [F; 3],
-    ray: Ray,
-    radiance: [F; 3],
-    transmittance: [F; 3],
+struct Path<S> {
+    direction: [F<S>; 3],
+    ray: Ray<S>,
+    radiance: [F<S>; 3],
+    transmittance: [F<S>; 3],
     /// Light stopped so far, and the same weighed with its distance.
-    stopped: F,
-    stopped_at: F,
+    stopped: F<S>,
+    stopped_at: F<S>,
     /// Y_k of the direction, where the in-scatter has layers.
-    basis: [F; harmonics::MAX],
+    basis: [F<S>; harmonics::MAX],
 }
 
-impl Path {
+impl<S: Simd> Path<S> {
     /// The path along `d` before its first step.
     #[inline(always)]
-    fn enter(inputs: &Inputs<'_>, d: [F; 3], limit: F, place: F) -> Self {
+    fn enter(inputs: &Inputs<'_>, d: [F<S>; 3], limit: F<S>, place: F<S>) -> Self {
         let p = inputs.p;
         let index = to_index(rows(p), d);
         let origin = triple!(a => F::splat(p.eye[a]));
@@ -355,16 +335,16 @@ impl Path {
 
     /// The path as an earlier pass left it.
     #[inline(always)]
-    fn resume(&mut self, [light, through]: &[[F; 4]; 2]) {
-        [self.radiance[0], self.radiance[1], self.radiance[2], self.stopped] = *light;
-        [self.transmittance[0], self.transmittance[1], self.transmittance[2], self.stopped_at] = *through;
+    fn resume(&mut self, [light, through]: &[[Floats; 4]; 2]) {
+        [self.radiance[0], self.radiance[1], self.radiance[2], self.stopped] = packets(light);
+        [self.transmittance[0], self.transmittance[1], self.transmittance[2], self.stopped_at] = packets(through);
     }
 
     /// What the next pass needs of the path.
     #[inline(always)]
-    fn keep(&self) -> [[F; 4]; 2] {
+    fn keep(&self) -> [[Floats; 4]; 2] {
         let ([r, g, b], [x, y, z]) = (self.radiance, self.transmittance);
-        [[r, g, b, self.stopped], [x, y, z, self.stopped_at]]
+        lanes_of([[r, g, b, self.stopped], [x, y, z, self.stopped_at]])
     }
 
     /// The steps of this pass.
@@ -373,7 +353,7 @@ impl Path {
         let p = inputs.p;
         let (last, cut) = (self.ray.steps.max_lane().min(p.step_end as f32), F::splat(p.cut));
         let scatters = p.albedo[0] + p.albedo[1] + p.albedo[2] > 0.0;
-        let mut k = p.step_begin as f32;
+        let (mut k, mut ask) = (p.step_begin as f32, 0.0);
         while k < last {
             let brightest = self.transmittance[0].max(self.transmittance[1]).max(self.transmittance[2]);
             let active = F::splat(k).lt(self.ray.steps).and(brightest.ge(cut));
@@ -381,18 +361,23 @@ impl Path {
                 break;
             }
             let t = self.ray.middle(k);
-            if let Some(next) = inputs.occupancy.and_then(|o| o.skip(&self.ray, t, k, active)) {
-                k = next;
-                continue;
+            if let Some(occupancy) = inputs.occupancy.filter(|_| k >= ask) {
+                match occupancy.skip::<S>(&self.ray, t, k, active) {
+                    Ahead::Empty(next) => {
+                        k = next;
+                        continue;
+                    }
+                    Ahead::Dense(until) => ask = until,
+                }
             }
             let at = self.ray.along(t);
-            let optics = optics(inputs, at, active);
+            let optics = optics::<S>(inputs, at, active);
             let dense = optics.scattering[0].max(optics.scattering[1]).max(optics.scattering[2]).gt(F::ZERO);
             let mut light = [F::ZERO; 3];
             if scatters && dense.any() {
                 gathered(inputs, at, &self.basis, dense, &mut light);
                 scattered_light(inputs, at, &self.basis, dense, &mut light);
-                direct(inputs, at, self.direction, t, dense, &mut light);
+                direct::<S>(inputs, at, self.direction, t, dense, &mut light);
             }
             let delta = self.ray.step;
             let Optics { extinction, scattering, emission } = optics;
@@ -423,56 +408,72 @@ fn rows(p: &MarchParams) -> [[f32; 4]; 3] {
 
 /// J from the field of in-scattered radiance, added to `light`.
 #[inline(always)]
-fn gathered(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense: M, light: &mut [F; 3]) {
+fn gathered<S: Simd>(
+    inputs: &Inputs<'_>,
+    at: [F<S>; 3],
+    basis: &[F<S>; harmonics::MAX],
+    dense: M<S>,
+    light: &mut [F<S>; 3],
+) {
     let p = inputs.p;
     let Some(field) = inputs.in_scatter else { return };
     let place = triple!(a => (at[a] + 0.5) * p.cells_per_voxel[a] - 0.5);
-    layered(p.cells[3], basis, dense, light, |i| in_scatter_at(p, field, triple!(a => place[a].0[i])));
+    layered(field, &in_scatter_at(p, field, place), p.cells[3], basis, dense, light);
 }
 
 #[inline(always)]
-fn in_scatter_at<'a>(p: &MarchParams, field: Colors<'a>, place: [f32; 3]) -> Place<'a> {
-    if p.trilinear == 1 { field.sample(place) } else { field.nearest(place) }
+fn in_scatter_at<S: Simd>(p: &MarchParams, field: Colors<'_>, place: [F<S>; 3]) -> Places<S> {
+    field.places(place, p.trilinear == 1)
 }
 
 /// J of light that was scattered before, added to `light`.
 #[inline(always)]
-fn scattered_light(inputs: &Inputs<'_>, at: [F; 3], basis: &[F; harmonics::MAX], dense: M, light: &mut [F; 3]) {
+fn scattered_light<S: Simd>(
+    inputs: &Inputs<'_>,
+    at: [F<S>; 3],
+    basis: &[F<S>; harmonics::MAX],
+    dense: M<S>,
+    light: &mut [F<S>; 3],
+) {
     let p = inputs.p;
     let Some(field) = inputs.scattered else { return };
     let place = triple!(a => (at[a] + 0.5) * p.scattered_cells_per_voxel[a] - 0.5);
-    layered(p.scattered_cells[3], basis, dense, light, |i| field.sample(triple!(a => place[a].0[i])));
+    layered(field, &field.places(place, true), p.scattered_cells[3], basis, dense, light);
 }
 
 /// J from the layers of a field, one a coefficient, at each lane's place.
 #[inline(always)]
-fn layered<'a>(
+fn layered<S: Simd>(
+    field: Colors<'_>,
+    places: &Places<S>,
     layers: u32,
-    basis: &[F; harmonics::MAX],
-    dense: M,
-    light: &mut [F; 3],
-    place: impl Fn(usize) -> Place<'a>,
+    basis: &[F<S>; harmonics::MAX],
+    dense: M<S>,
+    light: &mut [F<S>; 3],
 ) {
-    for i in 0..LANES {
-        if !dense.lane(i) {
-            continue;
-        }
-        let place = place(i);
+    let mut left = dense;
+    while left.any() {
+        let group = field.group(places, left);
         for k in 0..layers as usize {
-            let (j, weight) = (place.layer(k), if layers == 1 { 1.0 } else { basis[k].0[i] });
-            for c in 0..3 {
-                light[c].0[i] += weight * j[c];
-            }
+            group.add(places, k, if layers == 1 { F::ONE } else { basis[k] }, light);
         }
+        left = left.and(group.lanes.not());
     }
 }
 
 /// J from each light, added to `light`.
 #[inline(always)]
-fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, light: &mut [F; 3]) {
+fn direct<S: Simd>(
+    inputs: &Inputs<'_>,
+    at: [F<S>; 3],
+    direction: [F<S>; 3],
+    t: F<S>,
+    dense: M<S>,
+    light: &mut [F<S>; 3],
+) {
     let p = inputs.p;
     let mut depths = [F::ZERO; 4];
-    let away = if p.phong[3] > 0.0 { normal(inputs.density, rows(p), at) } else { [F::ZERO; 3] };
+    let away = if p.phong[3] > 0.0 { normal::<S>(inputs.density, rows(p), at) } else { [F::ZERO; 3] };
     for (n, record) in inputs.lights.iter().enumerate() {
         if n % 4 == 0 {
             depths = light_depths(inputs, at, dense, n / 4);
@@ -515,7 +516,14 @@ fn direct(inputs: &Inputs<'_>, at: [F; 3], direction: [F; 3], t: F, dense: M, li
 
 /// How much of the light passes by the surfaces, `t` metres along the view ray.
 #[inline(always)]
-fn visibility(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident, d: [F; 3], t: F, lit: M) -> F {
+fn visibility<S: Simd>(
+    inputs: &Inputs<'_>,
+    record: &LightRecord,
+    light: &Incident<S>,
+    d: [F<S>; 3],
+    t: F<S>,
+    lit: M<S>,
+) -> F<S> {
     let p = inputs.p;
     let extent = p.mesh_eye[3];
     let at = triple!(a => t * d[a] + p.mesh_eye[a]);
@@ -531,7 +539,7 @@ fn visibility(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident, d: [F
 
 /// The same by the light's map, at a point from the mesh's origin: four comparisons, interpolated.
 #[inline(always)]
-fn mapped(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident, at: [F; 3], lit: M) -> F {
+fn mapped<S: Simd>(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident<S>, at: [F<S>; 3], lit: M<S>) -> F<S> {
     let (p, side) = (inputs.p, inputs.p.map_side as usize);
     let parallel = record.position[3] == 0.0;
     let v = if parallel { at } else { triple!(a => -(light.distance * light.toward[a])) };
@@ -574,37 +582,34 @@ fn mapped(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident, at: [F; 3
 
 /// The field toward four lights; zero without one.
 #[inline(always)]
-fn light_depths(inputs: &Inputs<'_>, at: [F; 3], dense: M, layer: usize) -> [F; 4] {
+fn light_depths<S: Simd>(inputs: &Inputs<'_>, at: [F<S>; 3], dense: M<S>, layer: usize) -> [F<S>; 4] {
     let mut depths = [F::ZERO; 4];
     let Some(field) = inputs.light_depth.filter(|_| inputs.p.shadow >= shadow_kind::COLUMN) else { return depths };
     let place = triple!(a => (at[a] + 0.5) * inputs.p.light_cells_per_voxel[a] - 0.5);
-    for i in 0..LANES {
-        if dense.lane(i) {
-            let values = field.sample(triple!(a => place[a].0[i])).layer(layer);
-            depths[0].0[i] = values[0];
-            depths[1].0[i] = values[1];
-            depths[2].0[i] = values[2];
-            depths[3].0[i] = values[3];
-        }
+    let (places, mut left) = (field.places(place, true), dense);
+    while left.any() {
+        let group = field.group(&places, left);
+        group.add(&places, layer, F::ONE, &mut depths);
+        left = left.and(group.lanes.not());
     }
     depths
 }
 
 /// What the medium does to light at a point, per channel.
-struct Optics {
+struct Optics<S> {
     /// σt, 1/m.
-    extinction: [F; 3],
+    extinction: [F<S>; 3],
     /// σs, 1/m.
-    scattering: [F; 3],
+    scattering: [F<S>; 3],
     /// j, W m⁻³ sr⁻¹.
-    emission: [F; 3],
+    emission: [F<S>; 3],
 }
 
 /// The optics at `at` in index space; lanes that are not active see nothing there.
 #[inline(always)]
-fn optics(inputs: &Inputs<'_>, at: [F; 3], active: M) -> Optics {
+fn optics<S: Simd>(inputs: &Inputs<'_>, at: [F<S>; 3], active: M<S>) -> Optics<S> {
     let p = inputs.p;
-    let density = active.select(inputs.density.sample(at), F::ZERO);
+    let density = active.select(inputs.density.sample::<S>(at), F::ZERO);
     let mut scatters = [density; 3];
     if let Some(scattering) = inputs.scattering {
         scatters = scattering.packet(at, active);
@@ -613,7 +618,7 @@ fn optics(inputs: &Inputs<'_>, at: [F; 3], active: M) -> Optics {
     if let Some(color) = inputs.emission_color {
         source = color.packet(at, active);
     } else if let Some(emission) = inputs.emission {
-        source = [active.select(emission.sample(at), F::ZERO); 3];
+        source = [active.select(emission.sample::<S>(at), F::ZERO); 3];
     }
     Optics {
         extinction: triple!(c => density * p.extinction[c]),

@@ -3,7 +3,6 @@
 use airlight_core::stage::{Reduce, ReduceParams};
 
 use super::field::Scalars;
-use crate::packet::F;
 
 /// The maximum over every voxel that a lookup in the widened cell can touch, or over probes: over the rows of this pass.
 pub(crate) fn maximum(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3]) -> f32 {
@@ -37,7 +36,7 @@ fn probe(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3]) -> f32 {
         let (j, k) = (row % n, row / n);
         for i in 0..n {
             let at = [place(0, i), place(1, j), place(2, k)];
-            most = most.max(field.sample(at.map(F::splat)).0[0]);
+            most = most.max(field.single(at));
         }
     }
     most

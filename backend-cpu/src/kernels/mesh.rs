@@ -3,25 +3,26 @@
 use airlight_core::stage::MeshRecord;
 
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::Simd;
 
 /// Rays, and directions across them.
-pub(crate) struct Line {
-    origin: [F; 3],
+pub(crate) struct Line<S> {
+    origin: [F<S>; 3],
     /// Unit.
-    pub(crate) direction: [F; 3],
+    pub(crate) direction: [F<S>; 3],
     /// One over the direction.
-    inverse: [F; 3],
-    u: [F; 3],
-    v: [F; 3],
+    inverse: [F<S>; 3],
+    u: [F<S>; 3],
+    v: [F<S>; 3],
 }
 
 /// The nearest triangles.
-pub(crate) struct Hit {
+pub(crate) struct Hit<S> {
     /// Metres along, infinite for none.
-    pub(crate) distance: F,
+    pub(crate) distance: F<S>,
     pub(crate) triangle: [u32; LANES],
     /// Of the corners.
-    pub(crate) weights: [F; 3],
+    pub(crate) weights: [F<S>; 3],
 }
 
 /// Boxes and triangles.
@@ -33,7 +34,7 @@ pub(crate) struct Mesh<'a> {
 
 /// The rays along unit `direction`s, with a frame across each (Duff et al. 2017).
 #[inline(always)]
-pub(crate) fn line(origin: [F; 3], direction: [F; 3]) -> Line {
+pub(crate) fn line<S: Simd>(origin: [F<S>; 3], direction: [F<S>; 3]) -> Line<S> {
     let [x, y, z] = direction;
     let s = z.ge(F::ZERO).select(F::ONE, F::splat(-1.0));
     let a = F::splat(-1.0) / (s + z);
@@ -53,7 +54,7 @@ impl<'a> Mesh<'a> {
 
     /// The nearest triangles within boxes `begin` to `end`, between `least` and `limit` metres along.
     #[inline(always)]
-    pub(crate) fn nearest(&self, of: &Line, least: f32, limit: F, [begin, end]: [u32; 2]) -> Hit {
+    pub(crate) fn nearest<S: Simd>(&self, of: &Line<S>, least: f32, limit: F<S>, [begin, end]: [u32; 2]) -> Hit<S> {
         let mut found = Hit { distance: F::splat(f32::INFINITY), triangle: [0; LANES], weights: [F::ZERO; 3] };
         let mut far = limit;
         let mut node = begin as usize;
@@ -79,7 +80,7 @@ impl<'a> Mesh<'a> {
 
     /// Where a triangle stands within `limit` metres; lanes that are not `active` are not asked for.
     #[inline(always)]
-    pub(crate) fn blocked(&self, of: &Line, limit: F, active: M) -> M {
+    pub(crate) fn blocked<S: Simd>(&self, of: &Line<S>, limit: F<S>, active: M<S>) -> M<S> {
         let mut open = active;
         let mut node = 0;
         while node < self.nodes as usize && open.any() {
@@ -107,7 +108,7 @@ impl<'a> Mesh<'a> {
 
     /// Which rays meet a box within `limit` metres.
     #[inline(always)]
-    fn meets(&self, of: &Line, node: usize, limit: F) -> M {
+    fn meets<S: Simd>(&self, of: &Line<S>, node: usize, limit: F<S>) -> M<S> {
         let (low, high) = (self.place(2 * node), self.place(2 * node + 1));
         let lower = triple!(a => (F::splat(low[a]) - of.origin[a]) * of.inverse[a]);
         let upper = triple!(a => (F::splat(high[a]) - of.origin[a]) * of.inverse[a]);
@@ -120,7 +121,7 @@ impl<'a> Mesh<'a> {
 
     /// Where the rays cross a triangle: metres along, -1 where they do not; weights of the corners.
     #[inline(always)]
-    fn crossed(&self, of: &Line, triangle: u32) -> [F; 4] {
+    fn crossed<S: Simd>(&self, of: &Line<S>, triangle: u32) -> [F<S>; 4] {
         let at = 2 * self.nodes as usize + 6 * triangle as usize;
         let a = seen(of, self.place(at));
         let b = seen(of, self.place(at + 1));
@@ -157,7 +158,7 @@ impl<'a> Mesh<'a> {
 
 /// A point across and along the rays.
 #[inline(always)]
-fn seen(of: &Line, point: [f32; 3]) -> [F; 3] {
+fn seen<S: Simd>(of: &Line<S>, point: [f32; 3]) -> [F<S>; 3] {
     let p = triple!(a => F::splat(point[a]) - of.origin[a]);
     [dot(p, of.u), dot(p, of.v), dot(p, of.direction)]
 }

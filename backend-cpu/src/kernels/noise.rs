@@ -3,6 +3,7 @@
 use airlight_core::media::FractalNoise;
 
 use crate::packet::{F, I, LANES, lanes, lerp, triple};
+use crate::simd::Simd;
 
 /// Sixteen hashes.
 #[derive(Clone, Copy)]
@@ -18,14 +19,14 @@ fn scatter(x: u32) -> u32 {
 
 /// The hash of a corner's index along one more axis.
 #[inline(always)]
-fn along(index: I, h: H) -> H {
+fn along<S: Simd>(index: I<S>, h: H) -> H {
     H(lanes!(i => scatter((index.0[i] as u32).wrapping_add(h.0[i]))))
 }
 
 /// The scalar product of the gradient that a hash chooses with `t`.
 #[inline(always)]
-fn slope(h: H, t: [F; 3]) -> F {
-    F(lanes!(i => {
+fn slope<S: Simd>(h: H, t: [F<S>; 3]) -> F<S> {
+    F::of(lanes!(i => {
         let (x, y, z) = (t[0].0[i], t[1].0[i], t[2].0[i]);
         let kind = h.0[i] & 15;
         let u = if kind < 8 { x } else { y };
@@ -36,7 +37,7 @@ fn slope(h: H, t: [F; 3]) -> F {
 
 /// The noise on an edge along x: between its corners of index `x[0]` and `x[1]`, at `t` from the first.
 #[inline(always)]
-fn edge(h: H, x: [I; 2], t: [F; 3], fade: F) -> F {
+fn edge<S: Simd>(h: H, x: [I<S>; 2], t: [F<S>; 3], fade: F<S>) -> F<S> {
     let left = slope(along(x[0], h), t);
     let right = slope(along(x[1], h), [t[0] - F::ONE, t[1], t[2]]);
     lerp(left, right, fade)
@@ -44,14 +45,14 @@ fn edge(h: H, x: [I; 2], t: [F; 3], fade: F) -> F {
 
 /// One octave at `p`, whose components are not negative and repeat after `mask` + 1.
 #[inline(always)]
-fn octave(p: [F; 3], mask: i32, seed: u32) -> F {
+fn octave<S: Simd>(p: [F<S>; 3], mask: i32, seed: u32) -> F<S> {
     let low = triple!(a => p[a].floor());
     let t = triple!(a => p[a] - low[a]);
     let far = triple!(a => t[a] - F::ONE);
     let fade = triple!(a => t[a] * t[a] * t[a] * (t[a] * (t[a] * 6.0 - F::splat(15.0)) + 10.0));
     let index = triple!(a => low[a].to_int());
-    let first = triple!(a => I(lanes!(i => index[a].0[i] & mask)));
-    let second = triple!(a => I(lanes!(i => (index[a].0[i] + 1) & mask)));
+    let first = triple!(a => I::of(lanes!(i => index[a].0[i] & mask)));
+    let second = triple!(a => I::of(lanes!(i => (index[a].0[i] + 1) & mask)));
     let x = [first[0], second[0]];
     let seed = H([scatter(seed); LANES]);
     let (z0, z1) = (along(first[2], seed), along(second[2], seed));
@@ -67,7 +68,7 @@ const PERIOD: u32 = FractalNoise::PERIOD;
 
 /// max(0, 1 + contrast · n) at `p` in cells of the first octave.
 #[inline(always)]
-pub(crate) fn noise_factor(p: [F; 3], octaves: u32, seed: u32, contrast: f32) -> F {
+pub(crate) fn noise_factor<S: Simd>(p: [F<S>; 3], octaves: u32, seed: u32, contrast: f32) -> F<S> {
     let period = PERIOD as f32;
     let within = triple!(a => p[a] - (p[a] / period).floor() * period);
     let (mut sum, mut fineness) = (F::ZERO, 1.0);

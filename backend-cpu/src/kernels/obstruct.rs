@@ -11,6 +11,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
 const TASK: usize = 4;
@@ -30,20 +31,20 @@ pub(crate) fn run(stage: &Obstruct, range: Range<u32>, memory: &mut Memory<'_>, 
         let first = start + n * LANES;
         let cell: [usize; LANES] = lanes!(i => (first + i).min(last));
         let inputs = &inputs;
-        compiled_for!(isa, obstruct(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32]));
+        compiled_for!(isa, obstruct<S>(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32]));
     });
     Ok(())
 }
 
 /// Adds the bits of up to sixteen cells.
 #[inline(always)]
-fn obstruct(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32]) {
+fn obstruct<S: Simd>(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32]) {
     let p = inputs.p;
     let [x, y, ..] = p.cells.map(|n| n as usize);
-    let at = [
-        F(lanes!(i => (cell[i] % x) as f32)),
-        F(lanes!(i => (cell[i] / x % y) as f32)),
-        F(lanes!(i => (cell[i] / x / y) as f32)),
+    let at: [F<S>; 3] = [
+        F::of(lanes!(i => (cell[i] % x) as f32)),
+        F::of(lanes!(i => (cell[i] / x % y) as f32)),
+        F::of(lanes!(i => (cell[i] / x / y) as f32)),
     ];
     let from = center(p, at);
     if p.neighbor_begin == 0 {
@@ -58,7 +59,7 @@ fn obstruct(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32]) {
         let way = triple!(a => to[a] - from[a]);
         let far = dot(way, way).sqrt();
         let toward = triple!(a => way[a] / far);
-        let stands = inputs.mesh.blocked(&line(from, toward), far, M([u32::MAX; LANES]));
+        let stands = inputs.mesh.blocked(&line(from, toward), far, M::ALL);
         for (i, word) in words.iter_mut().enumerate() {
             *word |= u32::from(stands.lane(i)) << bit;
         }
@@ -67,7 +68,7 @@ fn obstruct(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32]) {
 
 /// Where the centres of cells are, from the mesh's origin.
 #[inline(always)]
-fn center(p: &ObstructParams, cell: [F; 3]) -> [F; 3] {
+fn center<S: Simd>(p: &ObstructParams, cell: [F<S>; 3]) -> [F<S>; 3] {
     let v = triple!(a => (cell[a] + 0.5) * p.cell[a] - 0.5 - (p.dims[a] as f32 - 1.0) * 0.5);
     let rows = [&p.world_x, &p.world_y, &p.world_z];
     triple!(a => v[0] * rows[a][0] + v[1] * rows[a][1] + v[2] * rows[a][2] + p.mesh_eye[a])

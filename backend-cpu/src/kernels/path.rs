@@ -21,10 +21,14 @@ use super::sky::{Sky, sky};
 use super::spot::{Spot, dull, scattered, scattered_density, spot};
 use super::walk::{Ground, Walk, advance, carried, stands, walk};
 use crate::device::Memory;
-use crate::packet::{F, M, triple};
+use crate::packet::{self, M, triple};
+use crate::simd::Portable;
 
 /// Pixels that one task takes.
 const TASK: usize = 16;
+
+/// Packets of which one lane counts.
+type F = packet::F<Portable>;
 
 struct Inputs<'a> {
     p: &'a PathParams,
@@ -93,11 +97,11 @@ pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> R
             densest: p.densest,
             least: p.least,
         },
-        density: Scalars::new(read.field(stage.density)?, p.dims),
+        density: read.scalars(stage.density)?,
         scattering: colors(stage.scattering)?,
         seen: colors(stage.seen)?,
         emission: match stage.emission {
-            Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
+            Some(field) => Some(read.scalars(field)?),
             None => None,
         },
         emission_color: colors(stage.emission_color)?,
@@ -556,7 +560,7 @@ fn look(inputs: &Inputs<'_>, way: &mut Way, spot: &Spot, numbers: &mut Draws) ->
     if let Some(mesh) = inputs.mesh {
         let free = distance - MeshRecord::MARGIN * p.mesh_eye[3];
         let of = line(from_mesh(inputs, way.place), splat(toward));
-        if mesh.blocked(&of, F::splat(free), M([u32::MAX; 16])).any() {
+        if mesh.blocked(&of, F::splat(free), M::ALL).any() {
             return false;
         }
     }

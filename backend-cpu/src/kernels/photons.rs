@@ -15,12 +15,16 @@ use super::phase::{Phase, phase};
 use super::random::{Draws, draw, draws};
 use super::walk::{Ground, Walk, advance, carried, stands, walk};
 use crate::device::Memory;
-use crate::packet::{F, LANES, lanes, triple};
+use crate::packet::{self, LANES, lanes, triple};
+use crate::simd::Portable;
 
 /// Photons that one task takes.
 const TASK: usize = 256;
 /// Flights that are kept before their light is left: no more than a packet has lanes.
 const EVENTS: usize = Photons::EVENTS as usize;
+
+/// Packets of which one lane counts.
+type F = packet::F<Portable>;
 
 struct Inputs<'a> {
     p: &'a PhotonParams,
@@ -80,7 +84,7 @@ pub(crate) fn run(stage: &Photons, range: Range<u32>, memory: &mut Memory<'_>) -
             densest: p.densest,
             least: p.least,
         },
-        density: Scalars::new(read.field(stage.density)?, p.dims),
+        density: read.scalars(stage.density)?,
         scattering: match stage.scattering {
             Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1])),
             None => None,
@@ -138,7 +142,7 @@ fn photons(inputs: &Inputs<'_>, unit: u32) -> Tally {
             continue;
         }
         // Toward where the light of each event comes from.
-        let toward = triple!(a => F(lanes!(i => if i < count { -events[i].way[a] } else { 0.0 })));
+        let toward = triple!(a => F::of(lanes!(i => if i < count { -events[i].way[a] } else { 0.0 })));
         harmonics(inputs.tables, p.bands as usize, toward, &mut values);
         for (i, event) in events[..count].iter().enumerate() {
             let mut moments = [0.0; MAX];

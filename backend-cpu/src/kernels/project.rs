@@ -14,6 +14,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::{Floats, Simd};
 
 /// Cells that one task takes: enough to fill packets between empty ones.
 const CHUNK: usize = 16 * LANES;
@@ -36,12 +37,12 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
     }
     let (mut out, read) = memory.split();
     let p = &stage.params;
-    let density = Scalars::new(read.field(stage.density)?, p.dims);
+    let density = read.scalars(stage.density)?;
     let inputs = Inputs {
         p,
         density,
         emission: match stage.emission {
-            Some(field) => Scalars::new(read.field(field)?, p.dims),
+            Some(field) => read.scalars(field)?,
             None => density,
         },
         emission_color: match stage.emission_color {
@@ -80,7 +81,7 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
         let cells = records.len() / stride;
         let occupied = |i: &usize| occupancy.is_empty() || occupancy[first + i][1] > 0.0;
         let mut places = (0..cells).filter(occupied);
-        let mut sums = vec![F::ZERO; stride + emission_stride];
+        let mut sums = vec![[0.0; LANES]; stride + emission_stride];
         loop {
             // Lanes past the last cell repeat it and are not stored.
             let mut lane = [usize::MAX; LANES];
@@ -93,18 +94,18 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
             let cells = lane.map(|i| first + i);
             // The sums of the passes before.
             let (record, glow) = sums.split_at_mut(stride);
-            record.iter_mut().enumerate().for_each(|(v, sum)| *sum = F(lane.map(|i| records[i * stride + v])));
+            record.iter_mut().enumerate().for_each(|(v, sum)| *sum = lane.map(|i| records[i * stride + v]));
             let place = |i: usize, v: usize| i * emission_stride + v;
-            glow.iter_mut().enumerate().for_each(|(v, sum)| *sum = F(lane.map(|i| emitted[place(i, v)])));
+            glow.iter_mut().enumerate().for_each(|(v, sum)| *sum = lane.map(|i| emitted[place(i, v)]));
             let (inputs, sums) = (&inputs, &mut sums[..]);
-            compiled_for!(isa, project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]));
+            compiled_for!(isa, project<S>(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [Floats]));
             for (i, &place) in lane[..count].iter().enumerate() {
                 let (record, glow) = sums.split_at(stride);
                 let to = &mut records[place * stride..][..stride];
-                to.iter_mut().zip(record).for_each(|(to, sum)| *to = sum.0[i]);
+                to.iter_mut().zip(record).for_each(|(to, sum)| *to = sum[i]);
                 if emission_stride > 0 {
                     let to = &mut emitted[place * emission_stride..][..emission_stride];
-                    to.iter_mut().zip(glow).for_each(|(to, sum)| *to = sum.0[i]);
+                    to.iter_mut().zip(glow).for_each(|(to, sum)| *to = sum[i]);
                 }
             }
         }
@@ -114,17 +115,17 @@ pub(crate) fn run(stage: &Project, range: Range<u32>, memory: &mut Memory<'_>, i
 
 /// Sixteen cells: adds the directions of this pass to their sums, records first, then the emission's moments.
 #[inline(always)]
-fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
+fn project<S: Simd>(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [Floats]) {
     let p = inputs.p;
     let [nx, ny, _, _] = p.cells.map(|n| n as usize);
-    let x = F(lanes!(i => (cells[i] % nx) as f32));
-    let y = F(lanes!(i => (cells[i] / nx % ny) as f32));
-    let z = F(lanes!(i => (cells[i] / nx / ny) as f32));
+    let x = F::of(lanes!(i => (cells[i] % nx) as f32));
+    let y = F::of(lanes!(i => (cells[i] / nx % ny) as f32));
+    let z = F::of(lanes!(i => (cells[i] / nx / ny) as f32));
     let origin = triple!(a => [x, y, z][a] * p.cell[a] + (0.5 * p.cell[a] - 0.5));
     let view = view_direction(p, origin);
     let (record, emission_record) = sums.split_at_mut((p.coefficients * p.record_channels()) as usize);
     for n in p.direction_begin as usize..p.direction_end as usize {
-        let (transmittance, glow) = gather(inputs, origin, view, inputs.directions[n]);
+        let (transmittance, glow) = gather::<S>(inputs, origin, view, inputs.directions[n]);
         sum_record(inputs, record, n, transmittance);
         sum_glow(inputs, emission_record, n, glow);
     }
@@ -132,7 +133,12 @@ fn project(inputs: &Inputs<'_>, cells: [usize; LANES], sums: &mut [F]) {
 
 /// Marches along a direction: transmittance, and light that the medium sends.
 #[inline(always)]
-fn gather(inputs: &Inputs<'_>, origin: [F; 3], view: [F; 3], direction: [f32; 4]) -> ([F; 3], [F; 3]) {
+fn gather<S: Simd>(
+    inputs: &Inputs<'_>,
+    origin: [F<S>; 3],
+    view: [F<S>; 3],
+    direction: [f32; 4],
+) -> ([F<S>; 3], [F<S>; 3]) {
     let p = inputs.p;
     let rows = [&p.index_x, &p.index_y, &p.index_z];
     let index = triple!(a => {
@@ -141,9 +147,9 @@ fn gather(inputs: &Inputs<'_>, origin: [F; 3], view: [F; 3], direction: [f32; 4]
     let ray = Ray::through(origin, index, inputs.density.size(), F::splat(f32::INFINITY), p.cell[3]);
     let mut glow = [F::ZERO; 3];
     let mut transmittance = if p.emission_coefficients > 0 {
-        emission_along(inputs, &ray, &mut glow)
+        emission_along::<S>(inputs, &ray, &mut glow)
     } else {
-        let (column, sigma) = (ray.column(inputs.density, None, M([u32::MAX; LANES])), extinction(p));
+        let (column, sigma) = (ray.column(inputs.density, None, M::ALL), extinction(p));
         let first = (column * -sigma[0]).exp_negative();
         if p.channels == 1 { [first; 3] } else { triple!(c => (column * -sigma[c]).exp_negative()) }
     };
@@ -164,39 +170,37 @@ fn extinction(p: &ProjectParams) -> [f32; 3] {
 
 /// Adds direction `n` to every value of the record.
 #[inline(always)]
-fn sum_record(inputs: &Inputs<'_>, record: &mut [F], n: usize, transmittance: [F; 3]) {
+fn sum_record<S: Simd>(inputs: &Inputs<'_>, record: &mut [Floats], n: usize, transmittance: [F<S>; 3]) {
     let p = inputs.p;
     let (coefficients, weight_channels) = (p.coefficients as usize, p.weight_channels as usize);
     let weights = &inputs.weights[n * coefficients * weight_channels..][..coefficients * weight_channels];
     if p.channels == 1 {
         for (sum, &w) in record.iter_mut().zip(weights) {
-            *sum = *sum + transmittance[0] * w;
+            *sum = (F::of(*sum) + transmittance[0] * w).0;
         }
         return;
     }
     for k in 0..coefficients {
-        for c in 0..3 {
+        triple!(c => {
             let w = weights[k * weight_channels + if weight_channels == 3 { c } else { 0 }];
-            record[k * 3 + c] = record[k * 3 + c] + transmittance[c] * w;
-        }
+            record[k * 3 + c] = (F::of(record[k * 3 + c]) + transmittance[c] * w).0;
+        });
     }
 }
 
 /// Adds direction `n` to every value of the emission's moments.
 #[inline(always)]
-fn sum_glow(inputs: &Inputs<'_>, record: &mut [F], n: usize, glow: [F; 3]) {
+fn sum_glow<S: Simd>(inputs: &Inputs<'_>, record: &mut [Floats], n: usize, glow: [F<S>; 3]) {
     let coefficients = inputs.p.emission_coefficients as usize;
     for k in 0..coefficients {
         let w = inputs.emission_weights[n * coefficients + k];
-        for c in 0..3 {
-            record[k * 3 + c] = record[k * 3 + c] + glow[c] * w;
-        }
+        triple!(c => record[k * 3 + c] = (F::of(record[k * 3 + c]) + glow[c] * w).0);
     }
 }
 
 /// Unit direction in the world from the eye to each point of index space.
 #[inline(always)]
-fn view_direction(p: &ProjectParams, at: [F; 3]) -> [F; 3] {
+fn view_direction<S: Simd>(p: &ProjectParams, at: [F<S>; 3]) -> [F<S>; 3] {
     let v = triple!(a => at[a] - p.eye[a]);
     let rows = [&p.world_x, &p.world_y, &p.world_z];
     let w = triple!(a => v[0] * rows[a][0] + v[1] * rows[a][1] + v[2] * rows[a][2]);
@@ -207,7 +211,7 @@ fn view_direction(p: &ProjectParams, at: [F; 3]) -> [F; 3] {
 
 /// Radiance that the medium sends along the ray to its origin, and the ray's transmittance.
 #[inline(always)]
-fn emission_along(inputs: &Inputs<'_>, ray: &Ray, glow: &mut [F; 3]) -> [F; 3] {
+fn emission_along<S: Simd>(inputs: &Inputs<'_>, ray: &Ray<S>, glow: &mut [F<S>; 3]) -> [F<S>; 3] {
     let (p, sigma) = (inputs.p, extinction(inputs.p));
     let mut transmittance = [F::ONE; 3];
     let last = ray.steps.max_lane();
@@ -215,16 +219,16 @@ fn emission_along(inputs: &Inputs<'_>, ray: &Ray, glow: &mut [F; 3]) -> [F; 3] {
     while k < last {
         let active = F::splat(k).lt(ray.steps);
         let at = ray.along(ray.middle(k));
-        let density = active.select(inputs.density.sample(at), F::ZERO);
+        let density = active.select(inputs.density.sample::<S>(at), F::ZERO);
         let source = match inputs.emission_color {
             Some(color) => color.packet(at, active),
-            None => [active.select(inputs.emission.sample(at), F::ZERO); 3],
+            None => [active.select(inputs.emission.sample::<S>(at), F::ZERO); 3],
         };
-        for c in 0..3 {
+        triple!(c => {
             let (e, mean) = segment(density * ray.step * sigma[c]);
             glow[c] = glow[c] + transmittance[c] * ray.step * mean * (source[c] * p.emission[c]);
             transmittance[c] = transmittance[c] * e;
-        }
+        });
         k += 1.0;
     }
     transmittance

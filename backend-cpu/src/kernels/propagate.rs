@@ -13,6 +13,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::{Floats, Portable, Simd};
 
 /// Packets that one task takes at the least.
 const TASK: usize = 8;
@@ -42,7 +43,7 @@ pub(crate) fn run(stage: &Propagate, range: Range<u32>, memory: &mut Memory<'_>,
     let p = &stage.params;
     let inputs = Inputs {
         p,
-        density: Scalars::new(read.field(stage.density)?, p.dims),
+        density: read.scalars(stage.density)?,
         occupancy: read.opt(stage.occupancy)?,
         lights: &read.buf(stage.lights)?[..p.lights as usize],
         faces: read.opt(stage.faces)?,
@@ -89,19 +90,19 @@ fn propagate(
         *at = cell.unwrap_or([-1; 3]);
         live = live.or(cell);
     }
-    let mut values = F::ZERO;
+    let mut values = [0.0; LANES];
     let mut done = [None; LANES];
     if let Some(live) = live {
         // Lanes without a cell repeat another and are not stored.
         let cells = Cells { light, place, face, at: at.map(|at| if at[0] < 0 { live } else { at }) };
         if short {
             let (cells, values) = (&cells, &mut values);
-            compiled_for!(isa, mean(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, values: &mut F));
+            compiled_for!(isa, mean<S>(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, values: &mut Floats));
         } else {
-            values = F(lanes!(i => gathered(inputs, known, &cells, cells.at[i])));
+            values = lanes!(i => gathered(inputs, known, &cells, cells.at[i]));
         }
         for i in 0..LANES {
-            done[i] = (at[i][0] >= 0).then(|| (index(p, at[i], light), values.0[i]));
+            done[i] = (at[i][0] >= 0).then(|| (index(p, at[i], light), values[i]));
         }
     }
     // The last light's items also write what lies beyond it in its layer.
@@ -139,23 +140,23 @@ fn in_shell(p: &PropagateParams, light: &LightPlace, step: u32, n: u32) -> Optio
 
 /// Mean density along the way within the box.
 #[inline(always)]
-fn mean(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, out: &mut F) {
+fn mean<S: Simd>(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, out: &mut Floats) {
     let p = inputs.p;
     let Some(face) = cells.face else { return };
     let (place, size, axis) = (&cells.place.place, inputs.density.size(), face.axis as usize);
     let has_place = place[3] == 1.0;
-    let at = triple!(a => F(lanes!(i => cells.at[i][a] as f32)));
+    let at = triple!(a => F::of(lanes!(i => cells.at[i][a] as f32)));
     let u = triple!(a => if has_place { F::splat(place[a]) - at[a] } else { F::splat(place[a]) });
     let origin = triple!(a => (at[a] + 0.5) * p.cell[a] - 0.5);
     let metres = metres(p, u).max(F::splat(f32::MIN_POSITIVE));
     let toward = triple!(a => u[a] * p.cell[a] / metres);
     let limit = if has_place { metres } else { F::splat(f32::INFINITY) };
-    let all = M([u32::MAX; LANES]);
+    let all = M::ALL;
     let way = Ray::through(origin, toward, size, limit, p.cell[3]);
     let length = way.step * way.steps;
     if face.near == 1 {
         let column = way.column(inputs.density, None, all) / length.max(F::splat(f32::MIN_POSITIVE));
-        *out = way.steps.gt(F::ZERO).select(column, inputs.density.sample(origin));
+        *out = way.steps.gt(F::ZERO).select(column, inputs.density.sample::<S>(origin)).0;
         return;
     }
     let longest = u[axis].max(-u[axis]);
@@ -167,7 +168,7 @@ fn mean(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, out: &mut F) {
             beyond.0[i] = interpolated(p, known, cells, cells.at[i], triple!(a => u[a].0[i]), longest.0[i], axis);
         }
     }
-    *out = (piece.column(inputs.density, None, all) + beyond * rest) / length;
+    *out = ((piece.column(inputs.density, None, all) + beyond * rest) / length).0;
 }
 
 /// Mean density where the way meets the next plane of centres along `axis`.
@@ -235,7 +236,7 @@ fn gathered(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, at: [i32; 3])
     let place = &cells.place.place;
     let u = triple!(a => if place[3] == 1.0 { place[a] - at[a] as f32 } else { place[a] });
     let local = inputs.occupancy[index(p, at, 0) / (4 * p.cells[3] as usize)][0];
-    let edge = |a: usize| metres(p, triple!(b => F::splat(if a == b { 1.0 } else { 0.0 }))).0[0];
+    let edge = |a: usize| metres(p, triple!(b => F::<Portable>::splat(if a == b { 1.0 } else { 0.0 }))).0[0];
     let published = p.scheme == scheme::PUBLISHED;
     let hops = u[0].abs() + u[1].abs() + u[2].abs();
     if hops == 0.0 {
@@ -244,7 +245,7 @@ fn gathered(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, at: [i32; 3])
     let length = if published {
         u[0].abs() * edge(0) + u[1].abs() * edge(1) + u[2].abs() * edge(2)
     } else {
-        metres(p, u.map(F::splat)).0[0]
+        metres(p, u.map(F::<Portable>::splat)).0[0]
     };
     let mut sum = 0.0;
     for a in 0..3 {
@@ -279,7 +280,7 @@ fn index(p: &PropagateParams, at: [i32; 3], light: usize) -> usize {
 
 /// Metres of a way in cell units.
 #[inline(always)]
-fn metres(p: &PropagateParams, u: [F; 3]) -> F {
+fn metres<S: Simd>(p: &PropagateParams, u: [F<S>; 3]) -> F<S> {
     let v = triple!(a => u[a] * p.cell[a]);
     let rows = [&p.world_x, &p.world_y, &p.world_z];
     let w = triple!(a => v[0] * rows[a][0] + v[1] * rows[a][1] + v[2] * rows[a][2]);

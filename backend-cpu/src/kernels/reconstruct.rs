@@ -11,6 +11,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::{Floats, Simd};
 
 /// Cells that one task takes.
 const CHUNK: usize = 64 * LANES;
@@ -28,7 +29,7 @@ struct Inputs<'a> {
     /// RGBA, flat.
     radiance: &'a [f32],
     /// The phase function's moments, four at a time, each for RGBA; zero past the last.
-    beta: &'a [F],
+    beta: &'a [Floats],
     /// Constants of spherical harmonics.
     constants: &'a [f32],
 }
@@ -50,7 +51,7 @@ pub(crate) fn run(
     let p = &stage.params;
     let (beta, constants) = read.buf(stage.tables)?.split_at(p.coefficients() as usize);
     let weight = |j: usize| beta.get(j).copied().unwrap_or(0.0);
-    let beta: Vec<F> = (0..beta.len().div_ceil(FOUR)).map(|n| F(lanes!(l => weight(n * FOUR + l / WIDTH)))).collect();
+    let beta: Vec<Floats> = (0..beta.len().div_ceil(FOUR)).map(|n| lanes!(l => weight(n * FOUR + l / WIDTH))).collect();
     let (rows, clusters) = (read.buf(stage.rows)?, read.buf(stage.clusters)?);
     let (weights, radiance) = (read.opt(stage.weights)?, bytemuck::cast_slice(read.buf(stage.radiance)?));
     let inputs = &Inputs { p, rows, clusters, weights, radiance, beta: &beta, constants };
@@ -58,18 +59,18 @@ pub(crate) fn run(
     let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
     out[start * values..end * values].par_chunks_mut(CHUNK * values).enumerate().for_each(|(n, out)| {
         let first = start + n * CHUNK;
-        compiled_for!(isa, reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [f32]));
+        compiled_for!(isa, reconstruct<S>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]));
     });
     Ok(())
 }
 
 /// The layers of the cells from `first` on.
 #[inline(always)]
-fn reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
+fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     let p = inputs.p;
     let (values, moments) = (p.layers() as usize * WIDTH, p.coefficients() as usize);
-    let color = M(lanes!(i => if i % WIDTH < 3 { u32::MAX } else { 0 }));
-    let mut basis = [F::ZERO; harmonics::MAX];
+    let color = M::of(lanes!(i => if i % WIDTH < 3 { u32::MAX } else { 0 }));
+    let mut basis = [F::<S>::ZERO; harmonics::MAX];
     for (n, out) in out.chunks_mut(LANES * values).enumerate() {
         let cell = first + n * LANES;
         let rows = &inputs.rows[cell..][..out.len() / values];
@@ -84,13 +85,13 @@ fn reconstruct(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
             let place = place.min(p.rows) as usize - 1;
             let red = row(inputs, 0, place);
             let others = if p.channels == 3 { Some([row(inputs, 1, place), row(inputs, 2, place)]) } else { None };
-            let mut sum = F::ZERO;
+            let mut sum = F::<S>::ZERO;
             for (n, &beta) in inputs.beta.iter().enumerate() {
                 let j = n * FOUR;
-                let light = color.select(arriving(moments, &red, &others, j), F::ZERO) * beta;
+                let light = color.select(arriving(moments, &red, &others, j), F::ZERO) * F::of(beta);
                 if p.view == 1 {
                     // Past the last moment all light is zero.
-                    sum = sum + light * F(lanes!(l => basis[(j + l / WIDTH).min(harmonics::MAX - 1)].0[i]));
+                    sum = sum + light * F::of(lanes!(l => basis[(j + l / WIDTH).min(harmonics::MAX - 1)].0[i]));
                 } else {
                     let to = &mut out[j * WIDTH..];
                     let count = to.len().min(LANES);
@@ -122,17 +123,17 @@ fn row<'a>(inputs: &Inputs<'a>, channel: usize, row: usize) -> Row<'a> {
 
 /// Four moments of a row from `j` on; a channel serves all of RGB, or each its own component.
 #[inline(always)]
-fn arriving(moments: usize, row: &Row<'_>, others: &Option<[Row<'_>; 2]>, j: usize) -> F {
+fn arriving<S: Simd>(moments: usize, row: &Row<'_>, others: &Option<[Row<'_>; 2]>, j: usize) -> F<S> {
     let first = restored(moments, row, j);
     let Some([green, blue]) = others else { return first };
-    let is_green = M(lanes!(i => if i % WIDTH == 1 { u32::MAX } else { 0 }));
-    let is_blue = M(lanes!(i => if i % WIDTH == 2 { u32::MAX } else { 0 }));
+    let is_green = M::of(lanes!(i => if i % WIDTH == 1 { u32::MAX } else { 0 }));
+    let is_blue = M::of(lanes!(i => if i % WIDTH == 2 { u32::MAX } else { 0 }));
     is_green.select(restored(moments, green, j), is_blue.select(restored(moments, blue, j), first))
 }
 
 /// Four moments of a row in a channel from `j` on: its cluster's mean, and what it weighs the components.
 #[inline(always)]
-fn restored(moments: usize, row: &Row<'_>, j: usize) -> F {
+fn restored<S: Simd>(moments: usize, row: &Row<'_>, j: usize) -> F<S> {
     let values = moments * WIDTH;
     let mut sum = four(&row.radiance[..values], j);
     let mut at = values;
@@ -145,23 +146,23 @@ fn restored(moments: usize, row: &Row<'_>, j: usize) -> F {
 
 /// Four moments from `j` on. Squares end with four or with one, behind which all is zero.
 #[inline(always)]
-fn four(moments: &[f32], j: usize) -> F {
+fn four<S: Simd>(moments: &[f32], j: usize) -> F<S> {
     let from = &moments[j * WIDTH..];
-    match from.get(..LANES) {
-        Some(all) => F(lanes!(i => all[i])),
-        None => F(lanes!(i => if i < WIDTH { from[i] } else { 0.0 })),
+    match from.first_chunk::<LANES>() {
+        Some(all) => F::of(*all),
+        None => F::of(lanes!(i => if i < WIDTH { from[i] } else { 0.0 })),
     }
 }
 
 /// Unit direction in the world from the eye to the center of each of sixteen cells from `cell` on; +Z where the cell is
 /// at the eye.
 #[inline(always)]
-fn view_direction(p: &ReconstructParams, cell: usize) -> [F; 3] {
+fn view_direction<S: Simd>(p: &ReconstructParams, cell: usize) -> [F<S>; 3] {
     let [x, y, ..] = p.cells.map(|n| n as usize);
     let place = [
-        F(lanes!(i => ((cell + i) % x) as f32)),
-        F(lanes!(i => ((cell + i) / x % y) as f32)),
-        F(lanes!(i => ((cell + i) / x / y) as f32)),
+        F::of(lanes!(i => ((cell + i) % x) as f32)),
+        F::of(lanes!(i => ((cell + i) / x % y) as f32)),
+        F::of(lanes!(i => ((cell + i) / x / y) as f32)),
     ];
     let v = triple!(a => (place[a] + 0.5) * p.cell[a] - 0.5 - p.eye[a]);
     let rows = [&p.world_x, &p.world_y, &p.world_z];

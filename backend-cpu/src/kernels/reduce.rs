@@ -14,9 +14,9 @@ pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>) ->
     memory.take(stage.out)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
-    let density = Scalars::new(read.field(stage.density)?, p.dims);
+    let density = read.scalars(stage.density)?;
     let other = match stage.other {
-        Some(field) => Some(Scalars::new(read.field(field)?, p.dims)),
+        Some(field) => Some(read.scalars(field)?),
         None => None,
     };
     let out: &mut [[f32; 2]] = bytemuck::cast_slice_mut(out.remove(0));

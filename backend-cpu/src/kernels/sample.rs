@@ -1,14 +1,23 @@
 //! Rays through the box of the medium.
 
 use super::field::Scalars;
-use crate::packet::{F, LANES, M, triple};
+use crate::packet::{F, I, M, triple};
+use crate::simd::Simd;
 
 /// Coarse maxima over blocks of voxels, for stepping over empty space.
 #[derive(Clone, Copy)]
 pub(crate) struct Occupancy<'a> {
     cells: &'a [[f32; 2]],
-    dims: [u32; 3],
+    dims: [i32; 3],
     side: f32,
+}
+
+/// What lies before a packet of rays.
+pub(crate) enum Ahead {
+    /// Nothing, up to the sample of this number.
+    Empty(f32),
+    /// Something, and until the sample of this number it is of no use to ask again.
+    Dense(f32),
 }
 
 impl<'a> Occupancy<'a> {
@@ -16,62 +25,62 @@ impl<'a> Occupancy<'a> {
     pub(crate) fn new(cells: &'a [[f32; 2]], dims: [u32; 4]) -> Self {
         let [x, y, z, side] = dims;
         assert!(x > 0 && y > 0 && z > 0 && cells.len() >= x as usize * y as usize * z as usize);
-        Self { cells, dims: [x, y, z], side: side as f32 }
+        Self { cells, dims: [x as i32, y as i32, z as i32], side: side as f32 }
     }
 
     /// Where every active lane stands in an empty block: the number of the next sample that any of them must look
-    /// at. Else none. Samples lie at `t0 + (k + place) Δ` along `origin + t · direction` (index space).
+    /// at. Else until when one of them stands in a block that is not empty. Samples lie at `t0 + (k + place) Δ` along
+    /// `origin + t · direction` (index space).
     #[inline(always)]
-    pub(crate) fn skip(&self, ray: &Ray, t: F, k: f32, active: M) -> Option<f32> {
-        let mut next = f32::INFINITY;
-        for i in 0..LANES {
-            if !active.lane(i) {
-                continue;
-            }
-            let mut exit = f32::INFINITY;
-            let mut at = [0usize; 3];
-            for a in 0..3 {
-                let d = ray.direction[a].0[i];
-                let block = ((ray.origin[a].0[i] + t.0[i] * d + 0.5) / self.side).floor();
-                let block = block.clamp(0.0, (self.dims[a] - 1) as f32);
-                at[a] = block as usize;
-                let wall = if d > 0.0 { (block + 1.0) * self.side - 0.5 } else { block * self.side - 0.5 };
-                let leave = (wall - ray.origin[a].0[i]) / d;
-                exit = if leave < exit { leave } else { exit };
-            }
-            let cell = (at[2] * self.dims[1] as usize + at[1]) * self.dims[0] as usize + at[0];
-            if self.cells[cell][1] > 0.0 {
-                return None;
-            }
-            // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-            let beyond = ((exit - ray.start.0[i]) / ray.step.0[i] - ray.place.0[i]).floor();
-            next = next.min(beyond);
+    pub(crate) fn skip<S: Simd>(&self, ray: &Ray<S>, t: F<S>, k: f32, active: M<S>) -> Ahead {
+        let last = triple!(a => (self.dims[a] - 1) as f32);
+        let block = triple!(a => {
+            ((ray.origin[a] + t * ray.direction[a] + 0.5) / self.side).floor().max(F::ZERO).min(F::splat(last[a]))
+        });
+        let at = triple!(a => block[a].to_int());
+        let leave = triple!(a => {
+            let forward = ray.direction[a].gt(F::ZERO);
+            let wall = forward.select((block[a] + 1.0) * self.side - 0.5, block[a] * self.side - 0.5);
+            (wall - ray.origin[a]) / ray.direction[a]
+        });
+        let exit = leave[0].min(leave[1]).min(leave[2]);
+        // The maximum is the second float of a block.
+        let [nx, ny, _] = self.dims;
+        let place = at[2].times(ny).plus(at[1]).times(nx).plus(at[0]).times(2).plus(I::splat(1));
+        // SAFETY: indices are clamped to the blocks, which `new` checked to be as many as dims say.
+        #[allow(unsafe_code)]
+        let most = F::of(unsafe { S::one(bytemuck::cast_slice(self.cells), place.0) });
+        // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
+        let beyond = ((exit - ray.start) / ray.step - ray.place).floor();
+        let dense = active.and(most.gt(F::ZERO));
+        if dense.any() {
+            return Ahead::Dense(dense.select(beyond, F::ZERO).max_lane().max(k + 1.0));
         }
-        Some(next.max(k + 1.0))
+        Ahead::Empty(active.select(beyond, F::splat(f32::INFINITY)).min_lane().max(k + 1.0))
     }
 }
 
 /// A packet of rays in index space, cut into equal steps.
-pub(crate) struct Ray {
+pub(crate) struct Ray<S> {
     /// Origin in index space.
-    pub(crate) origin: [F; 3],
+    pub(crate) origin: [F<S>; 3],
     /// Direction in voxels per metre.
-    pub(crate) direction: [F; 3],
+    pub(crate) direction: [F<S>; 3],
     /// Metres along the ray where the first step begins.
-    pub(crate) start: F,
+    pub(crate) start: F<S>,
     /// Length of a step, metres; zero where there is none.
-    pub(crate) step: F,
+    pub(crate) step: F<S>,
     /// Number of steps.
-    pub(crate) steps: F,
+    pub(crate) steps: F<S>,
     /// Where a step is sampled, as a part of it.
-    pub(crate) place: F,
+    pub(crate) place: F<S>,
 }
 
-impl Ray {
+impl<S: Simd> Ray<S> {
     /// The ray from `origin` clipped to the box of `size` voxels and to `[0, limit]` metres, in
     /// ceil(length / longest) equal steps.
     #[inline(always)]
-    pub(crate) fn through(origin: [F; 3], direction: [F; 3], size: [f32; 3], limit: F, longest: f32) -> Self {
+    pub(crate) fn through(origin: [F<S>; 3], direction: [F<S>; 3], size: [f32; 3], limit: F<S>, longest: f32) -> Self {
         // A ray along a wall: far enough from parallel that the quotients below are numbers.
         let direction = triple!(a => direction[a].away_from_zero());
         let lower = triple!(a => (F::splat(-0.5) - origin[a]) / direction[a]);
@@ -94,31 +103,36 @@ impl Ray {
 
     /// The point `t` metres along.
     #[inline(always)]
-    pub(crate) fn along(&self, t: F) -> [F; 3] {
+    pub(crate) fn along(&self, t: F<S>) -> [F<S>; 3] {
         triple!(a => self.origin[a] + t * self.direction[a])
     }
 
     /// Where step `k` is sampled, in metres along.
     #[inline(always)]
-    pub(crate) fn middle(&self, k: f32) -> F {
+    pub(crate) fn middle(&self, k: f32) -> F<S> {
         self.start + self.step * (self.place + k)
     }
 
     /// The column of density along the ray, in units of density times metres.
     #[inline(always)]
-    pub(crate) fn column(&self, density: Scalars<'_>, occupancy: Option<Occupancy<'_>>, lanes: M) -> F {
+    pub(crate) fn column(&self, density: Scalars<'_>, occupancy: Option<Occupancy<'_>>, lanes: M<S>) -> F<S> {
         let steps = lanes.select(self.steps, F::ZERO);
         let last = steps.max_lane();
         let mut sum = F::ZERO;
-        let mut k = 0.0;
+        let (mut k, mut ask) = (0.0, 0.0);
         while k < last {
             let active = F::splat(k).lt(steps);
             let t = self.middle(k);
-            if let Some(next) = occupancy.and_then(|o| o.skip(self, t, k, active)) {
-                k = next;
-                continue;
+            if let Some(occupancy) = occupancy.filter(|_| k >= ask) {
+                match occupancy.skip::<S>(self, t, k, active) {
+                    Ahead::Empty(next) => {
+                        k = next;
+                        continue;
+                    }
+                    Ahead::Dense(until) => ask = until,
+                }
             }
-            sum = active.select(sum + density.sample(self.along(t)), sum);
+            sum = active.select(sum + density.sample::<S>(self.along(t)), sum);
             k += 1.0;
         }
         sum * self.step

@@ -16,6 +16,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
 const TASK: usize = 8;
@@ -35,10 +36,10 @@ struct Inputs<'a> {
 }
 
 /// Sixteen hits: normals, distances, the triangles' normals, materials.
-struct Hits {
-    normal: [F; 3],
-    distance: F,
-    facet: [F; 3],
+struct Hits<S> {
+    normal: [F<S>; 3],
+    distance: F<S>,
+    facet: [F<S>; 3],
     material: [usize; LANES],
 }
 
@@ -48,7 +49,7 @@ pub(crate) fn run(stage: &Shade, range: Range<u32>, memory: &mut Memory<'_>, isa
     let p = &stage.params;
     let inputs = Inputs {
         p,
-        density: Scalars::new(read.field(stage.density)?, p.dims),
+        density: read.scalars(stage.density)?,
         occupancy: match stage.occupancy {
             Some(buf) => Some(Occupancy::new(read.buf(buf)?, p.occupancy_cells)),
             None => None,
@@ -70,29 +71,29 @@ pub(crate) fn run(stage: &Shade, range: Range<u32>, memory: &mut Memory<'_>, isa
     let out = &mut out[range.start as usize..range.end as usize];
     out.par_chunks_mut(LANES).with_min_len(TASK).enumerate().for_each(|(n, surface)| {
         let (inputs, first) = (&inputs, range.start as usize + n * LANES);
-        compiled_for!(isa, shade(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]));
+        compiled_for!(isa, shade<S>(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]));
     });
     Ok(())
 }
 
 /// Up to sixteen positions from `first` on.
 #[inline(always)]
-fn shade(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
+fn shade<S: Simd>(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
     let p = inputs.p;
     let unit: [usize; LANES] = lanes!(i => (first + i).min(inputs.last));
-    let load = |half: usize, c: usize| F(lanes!(i => inputs.hits[unit[i]][half][c]));
+    let load = |half: usize, c: usize| F::of(lanes!(i => inputs.hits[unit[i]][half][c]));
     let distance = load(0, 3);
     let behind = |i: usize| {
         let none = [0.0, 0.0, 0.0, f32::INFINITY];
         if inputs.background.is_empty() { none } else { inputs.background[unit[i] / p.samples as usize] }
     };
-    let back = F(lanes!(i => behind(i)[3]));
+    let back = F::of(lanes!(i => behind(i)[3]));
     let met = distance.lt(back);
     let mut sum = [F::ZERO; 3];
     if p.light_begin > 0 {
         // What the passes before left.
         let last = surface.len() - 1;
-        sum = triple!(c => F(lanes!(i => surface[i.min(last)][c])));
+        sum = triple!(c => F::of(lanes!(i => surface[i.min(last)][c])));
     }
     if met.any() {
         let d = view(&inputs.view, first, inputs.last);
@@ -104,7 +105,7 @@ fn shade(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
             material: lanes!(i => (inputs.hits[unit[i]][1][3] as usize).min(inputs.materials.len() - 1)),
         };
         for record in inputs.lights {
-            let light = reflected(inputs, record, d, &hits, met);
+            let light = reflected::<S>(inputs, record, d, &hits, met);
             sum = triple!(c => sum[c] + light[c]);
         }
     }
@@ -115,7 +116,7 @@ fn shade(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
 
 /// What surfaces send back along `d` of a light.
 #[inline(always)]
-fn reflected(inputs: &Inputs<'_>, record: &LightRecord, d: [F; 3], hits: &Hits, met: M) -> [F; 3] {
+fn reflected<S: Simd>(inputs: &Inputs<'_>, record: &LightRecord, d: [F<S>; 3], hits: &Hits<S>, met: M<S>) -> [F<S>; 3] {
     let p = inputs.p;
     let light = incident(record, p.light_floor, d, hits.distance);
     let facing = dot(hits.normal, light.toward);
@@ -144,14 +145,14 @@ fn reflected(inputs: &Inputs<'_>, record: &LightRecord, d: [F; 3], hits: &Hits, 
 
 /// The share of light from `toward` that the materials send back along `d`, per steradian.
 #[inline(always)]
-fn material(inputs: &Inputs<'_>, hits: &Hits, d: [F; 3], toward: [F; 3]) -> [F; 3] {
+fn material<S: Simd>(inputs: &Inputs<'_>, hits: &Hits<S>, d: [F<S>; 3], toward: [F<S>; 3]) -> [F<S>; 3] {
     let facing = dot(hits.normal, toward);
     let mirrored = triple!(a => facing * hits.normal[a] * 2.0 - toward[a]);
     let cosine = -dot(mirrored, d);
     let of = |i: usize| &inputs.materials[hits.material[i]];
-    let lobe = F(lanes!(i => {
+    let lobe: F<S> = F::of(lanes!(i => {
         let n = of(i).diffuse[3];
         if cosine.0[i] > 0.0 { (n + 2.0) / (2.0 * PI) * cosine.0[i].min(1.0).powf(n) } else { 0.0 }
     }));
-    triple!(c => F(lanes!(i => of(i).diffuse[c] / PI + lobe.0[i] * of(i).specular[c])))
+    triple!(c => F::of(lanes!(i => of(i).diffuse[c] / PI + lobe.0[i] * of(i).specular[c])))
 }

@@ -12,6 +12,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, dot, lanes, triple};
+use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
 const TASK: usize = 8;
@@ -46,14 +47,14 @@ pub(crate) fn run(stage: &Shadow, range: Range<u32>, memory: &mut Memory<'_>, is
     }
     packets.into_par_iter().with_min_len(TASK).for_each(|(first, reach)| {
         let inputs = &inputs;
-        compiled_for!(isa, shadow(inputs: &Inputs<'_>, first: usize, reach: &mut [f32]));
+        compiled_for!(isa, shadow<S>(inputs: &Inputs<'_>, first: usize, reach: &mut [f32]));
     });
     Ok(())
 }
 
 /// Up to sixteen texels of a face from `first` on.
 #[inline(always)]
-fn shadow(inputs: &Inputs<'_>, first: usize, reach: &mut [f32]) {
+fn shadow<S: Simd>(inputs: &Inputs<'_>, first: usize, reach: &mut [f32]) {
     let p = inputs.p;
     let side = p.side as usize;
     let number = first / (side * side);
@@ -62,8 +63,8 @@ fn shadow(inputs: &Inputs<'_>, first: usize, reach: &mut [f32]) {
     let light = &inputs.lights[last];
     let of = face(light, number - light.power[3] as usize, p.extent);
     let texel: [usize; LANES] = lanes!(i => first + i);
-    let x = (F(lanes!(i => (texel[i] % side) as f32)) + 0.5) * (2.0 / p.side as f32) - 1.0;
-    let y = (F(lanes!(i => (texel[i] / side % side) as f32)) + 0.5) * (2.0 / p.side as f32) - 1.0;
+    let x = (F::<S>::of(lanes!(i => (texel[i] % side) as f32)) + 0.5) * (2.0 / p.side as f32) - 1.0;
+    let y = (F::of(lanes!(i => (texel[i] / side % side) as f32)) + 0.5) * (2.0 / p.side as f32) - 1.0;
     let across = triple!(a => (x * of.right[a] + y * of.up[a]) * of.half_width);
     let (range, limit) = ([p.node_begin, p.node_end], F::splat(f32::INFINITY));
     let found = if light.position[3] == 0.0 {

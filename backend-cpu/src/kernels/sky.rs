@@ -4,6 +4,7 @@ use std::f32::consts::PI;
 
 use super::angle::{angle, angle_of_cosine};
 use crate::packet::{F, LANES, lanes, lerp, triple};
+use crate::simd::Simd;
 
 /// An environment's texels, and what turns and tints them.
 #[derive(Clone, Copy)]
@@ -18,7 +19,7 @@ pub(crate) struct Sky<'a> {
 
 /// The environment's radiance from `d`.
 #[inline(always)]
-pub(crate) fn sky(of: &Sky<'_>, d: [F; 3]) -> [F; 3] {
+pub(crate) fn sky<S: Simd>(of: &Sky<'_>, d: [F<S>; 3]) -> [F<S>; 3] {
     let u = angle(d[0], -d[2]) / (2.0 * PI) + of.tint[3];
     let x = (u - u.floor()) * of.width as f32 - 0.5;
     let y = angle_of_cosine(d[1]) / PI * of.height as f32 - 0.5;
@@ -29,7 +30,7 @@ pub(crate) fn sky(of: &Sky<'_>, d: [F; 3]) -> [F; 3] {
 }
 
 #[inline(always)]
-fn sky_row(of: &Sky<'_>, i: F, j: F, f: F) -> [F; 3] {
+fn sky_row<S: Simd>(of: &Sky<'_>, i: F<S>, j: F<S>, f: F<S>) -> [F<S>; 3] {
     let (width, last) = (of.width as usize, of.height as usize - 1);
     // Casting saturates: row -1 is row 0.
     let start: [usize; LANES] = lanes!(l => (j.0[l] as usize).min(last) * width);
@@ -43,6 +44,6 @@ fn sky_row(of: &Sky<'_>, i: F, j: F, f: F) -> [F; 3] {
 
 /// Texels of the environment, counted row by row. Folded into a field they lie as they are counted.
 #[inline(always)]
-fn sky_texel(of: &Sky<'_>, n: [usize; LANES]) -> [F; 3] {
-    triple!(c => F(lanes!(l => of.texels[n[l]][c])))
+fn sky_texel<S: Simd>(of: &Sky<'_>, n: [usize; LANES]) -> [F<S>; 3] {
+    triple!(c => F::of(lanes!(l => of.texels[n[l]][c])))
 }

@@ -8,6 +8,7 @@ use super::bend::bend_density;
 use super::mesh::Mesh;
 use super::phase::{Phase, phase};
 use crate::packet::F;
+use crate::simd::Portable;
 
 /// Where a path scatters: within the medium, or on a surface with its normals and material.
 #[derive(Clone, Copy)]
@@ -57,7 +58,7 @@ pub(crate) fn spot(mesh: Option<Mesh<'_>>, materials: &[f32], place: Vec3, direc
 /// The share of light from `toward` that is scattered back along `from`, per steradian: on a surface times the cosine.
 pub(crate) fn scattered(of: &Phase<'_>, spot: &Spot, from: Vec3, toward: Vec3) -> Vec3 {
     if !spot.surface {
-        return Vec3::splat(phase(of, F::splat(toward.dot(from))).0[0]);
+        return Vec3::splat(phase(of, F::<Portable>::splat(toward.dot(from))).0[0]);
     }
     let facing = spot.normal.dot(toward);
     if facing <= 0.0 || spot.facet.dot(toward) <= 0.0 {

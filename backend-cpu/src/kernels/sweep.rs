@@ -11,6 +11,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, lanes};
+use crate::simd::Simd;
 
 /// Cells whose moments one task adds up: few enough that the radiance of all directions stays in the cache.
 const CHUNK: usize = 512;
@@ -91,7 +92,7 @@ pub(crate) fn run(stage: &Sweep, range: Range<u32>, memory: &mut Memory<'_>, isa
             let (inputs, direction, steps) = (&inputs, first + n, steps.clone());
             compiled_for!(
                 isa,
-                sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [f32])
+                sweep<S>(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [f32])
             );
         });
     }
@@ -114,7 +115,7 @@ fn gathered(inputs: &Inputs<'_>, radiance: &[f32], first: usize, isa: Isa, momen
                 let start = n * CHUNK;
                 compiled_for!(
                     isa,
-                    gather(
+                    gather<S>(
                         inputs: &Inputs<'_>,
                         radiance: &[f32],
                         first: usize,
@@ -134,7 +135,7 @@ fn gathered(inputs: &Inputs<'_>, radiance: &[f32], first: usize, isa: Isa, momen
             let (sums, start) = (&mut sums[..], n * CHUNK);
             compiled_for!(
                 isa,
-                gather(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32])
+                gather<S>(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32])
             );
             records.chunks_exact_mut(values).zip(&*sums).for_each(|(record, sum)| record[value] = *sum);
         }
@@ -247,7 +248,7 @@ fn border(part: &mut [f32], pitch: usize, [count, rows]: [usize; 2], value: Opti
 
 /// Some steps of a direction.
 #[inline(always)]
-fn sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [f32]) {
+fn sweep<S: Simd>(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [f32]) {
     let p = inputs.p;
     let way = &inputs.directions[direction];
     let cells = [p.cells[0], p.cells[1], p.cells[2]];
@@ -264,7 +265,7 @@ fn sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [
             }
         }
         here.load(inputs, direction, plane as usize, None);
-        advance(inputs, way, step == 0, &before, &mut here);
+        advance::<S>(inputs, way, step == 0, &before, &mut here);
         let (count, axis) = (p.count() as usize, way.axis as usize);
         let pitch = [1, p.cells[0] as usize, (p.cells[0] * p.cells[1]) as usize];
         let [b, c] = SweepDirection::others(axis);
@@ -288,7 +289,7 @@ fn sweep(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, light: &mut [
 
 /// Radiance of the plane `here` from the one `before`, which lies beyond the box where `first`.
 #[inline(always)]
-fn advance(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, before: &Plane, here: &mut Plane) {
+fn advance<S: Simd>(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, before: &Plane, here: &mut Plane) {
     let p = inputs.p;
     let [b, c] = SweepDirection::others(way.axis as usize);
     let on = |axis: usize, by: usize| if way.down >> axis & 1 == 1 { by.wrapping_neg() } else { by };
@@ -301,15 +302,15 @@ fn advance(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, before: &Plan
     for row in 0..here.cells[1] {
         let start = here.row(row);
         for at in (start..start + here.cells[0]).step_by(LANES) {
-            let mut closed = [M([0; LANES]); 4];
+            let mut closed = [M::<S>::of([0; LANES]); 4];
             if !here.obstructed.is_empty() {
                 let words = &here.obstructed[at..at + LANES];
                 for i in 0..4 {
-                    closed[i] = M(lanes!(k => if words[k] >> bits[i] & 1 == 1 { u32::MAX } else { 0 }));
+                    closed[i] = M::of(lanes!(k => if words[k] >> bits[i] & 1 == 1 { u32::MAX } else { 0 }));
                 }
             }
             let from = Around { at, around, weights, closed, any: !here.obstructed.is_empty() };
-            let (mut e, mut mean, mut tau) = (F::ZERO, F::ZERO, F::ZERO);
+            let (mut e, mut mean, mut tau) = (F::<S>::ZERO, F::ZERO, F::ZERO);
             for channel in 0..p.channels as usize {
                 let part = channel * size;
                 if channel == 0 || p.grey == 0 {
@@ -337,25 +338,25 @@ fn advance(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, before: &Plan
 
 /// ∫ s e^-s ds / τ over 0 to τ, what of a source at Y arrives where that at X is zero: by its series where τ is small.
 #[inline(always)]
-fn leaning(tau: F, e: F, mean: F) -> F {
+fn leaning<S: Simd>(tau: F<S>, e: F<S>, mean: F<S>) -> F<S> {
     let series = (((tau * (-1.0 / 30.0) + 1.0 / 8.0) * tau - 1.0 / 3.0) * tau + 0.5) * tau;
     tau.lt(F::splat(0.05)).select(series, mean - e)
 }
 
 /// Where the four cells around Y lie from a packet of cells.
-struct Around {
+struct Around<S> {
     at: usize,
     around: [usize; 4],
     weights: [f32; 4],
     /// Which of them lie behind surfaces.
-    closed: [M; 4],
+    closed: [M<S>; 4],
     /// Whether there are surfaces.
     any: bool,
 }
 
 /// Between the four cells around Y; `own` stands for those behind surfaces.
 #[inline(always)]
-fn mix(values: &[f32], from: &Around, own: F) -> F {
+fn mix<S: Simd>(values: &[f32], from: &Around<S>, own: F<S>) -> F<S> {
     let mut sum = F::ZERO;
     for i in 0..4 {
         let mut value = load(values, from.at.wrapping_add(from.around[i]));
@@ -368,9 +369,9 @@ fn mix(values: &[f32], from: &Around, own: F) -> F {
 }
 
 #[inline(always)]
-fn load(values: &[f32], at: usize) -> F {
-    let values = &values[at..at + LANES];
-    F(lanes!(i => values[i]))
+fn load<S: Simd>(values: &[f32], at: usize) -> F<S> {
+    let values = values[at..].first_chunk().expect("planes have room for a packet behind them");
+    F::of(*values)
 }
 
 /// The source function of a row of cells, from the first on.
@@ -390,7 +391,7 @@ fn source(inputs: &Inputs<'_>, of: Cells<'_>, direction: usize, channel: usize, 
 
 /// One value of the moments of some cells from `start` on: what the batches before left, and the directions of this one.
 #[inline(always)]
-fn gather(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32]) {
+fn gather<S: Simd>(inputs: &Inputs<'_>, radiance: &[f32], first: usize, value: usize, start: usize, sums: &mut [f32]) {
     let p = inputs.p;
     let (cells, channels, of) = (p.count() as usize, p.channels as usize, p.weight_channels as usize);
     let (k, c) = (value / p.moment_channels() as usize, value % p.moment_channels() as usize);

@@ -12,6 +12,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, lanes, triple};
+use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
 const TASK: usize = 8;
@@ -43,19 +44,19 @@ pub(crate) fn run(stage: &Trace, range: Range<u32>, memory: &mut Memory<'_>, isa
     let out = &mut out[range.start as usize..range.end as usize];
     out.par_chunks_mut(LANES).with_min_len(TASK).enumerate().for_each(|(n, hits)| {
         let (inputs, first) = (&inputs, range.start as usize + n * LANES);
-        compiled_for!(isa, trace(inputs: &Inputs<'_>, first: usize, hits: &mut [[[f32; 4]; 2]]));
+        compiled_for!(isa, trace<S>(inputs: &Inputs<'_>, first: usize, hits: &mut [[[f32; 4]; 2]]));
     });
     Ok(())
 }
 
 /// Up to sixteen positions from `first` on.
 #[inline(always)]
-fn trace(inputs: &Inputs<'_>, first: usize, hits: &mut [[[f32; 4]; 2]]) {
+fn trace<S: Simd>(inputs: &Inputs<'_>, first: usize, hits: &mut [[[f32; 4]; 2]]) {
     let p = inputs.p;
-    let of = line(triple!(a => F::splat(p.eye[a])), view(&inputs.view, first, inputs.last));
+    let of = line(triple!(a => F::<S>::splat(p.eye[a])), view(&inputs.view, first, inputs.last));
     let known = p.node_begin > 0;
     let last = hits.len() - 1;
-    let limit = if known { F(lanes!(i => hits[i.min(last)][0][3])) } else { F::splat(f32::INFINITY) };
+    let limit = if known { F::of(lanes!(i => hits[i.min(last)][0][3])) } else { F::splat(f32::INFINITY) };
     let hit = inputs.mesh.nearest(&of, 0.0, limit, [p.node_begin, p.node_end]);
     for (i, place) in hits.iter_mut().enumerate() {
         if hit.distance.0[i] < f32::INFINITY {
@@ -76,7 +77,7 @@ fn trace(inputs: &Inputs<'_>, first: usize, hits: &mut [[[f32; 4]; 2]]) {
 
 /// The normal of the triangle whose records begin at `at`, on the side that the ray of a lane comes from.
 #[inline(always)]
-fn facet(mesh: Mesh<'_>, of: &Line, lane: usize, at: usize) -> [f32; 3] {
+fn facet<S: Simd>(mesh: Mesh<'_>, of: &Line<S>, lane: usize, at: usize) -> [f32; 3] {
     let [a, b, c] = [0, 1, 2].map(|n| mesh.place(at + n));
     let (p, q) = (triple!(n => b[n] - a[n]), triple!(n => c[n] - a[n]));
     let across = triple!(n => p[(n + 1) % 3] * q[(n + 2) % 3] - p[(n + 2) % 3] * q[(n + 1) % 3]);

@@ -11,6 +11,7 @@ use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, dot, lanes, triple};
+use crate::simd::Simd;
 
 const BLOCK: usize = March::BLOCK as usize;
 /// Rows of a block that a packet takes.
@@ -82,7 +83,7 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
                 let corner = [column * BLOCK, row * BLOCK + part * ROWS];
                 let mut pixels = [[[0.0; 4]; 2]; LANES];
                 let out = &mut pixels;
-                compiled_for!(isa, upsample(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]));
+                compiled_for!(isa, upsample<S>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]));
                 let lines = film.chunks_exact_mut(width).skip(part * ROWS);
                 for (line, found) in lines.zip(pixels.chunks_exact(BLOCK)) {
                     let line = &mut line[corner[0]..];
@@ -97,12 +98,12 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
 
 /// Sixteen pixels from `corner` on, in rows of a block's width. Those past the picture's edge are as its last.
 #[inline(always)]
-fn upsample(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]) {
+fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]) {
     let p = inputs.p;
     let (width, height) = (p.full_width as usize, p.full_height as usize);
     let x: [usize; LANES] = lanes!(i => (corner[0] + i % BLOCK).min(width - 1));
     let y: [usize; LANES] = lanes!(i => (corner[1] + i / BLOCK).min(height - 1));
-    let behind = behind(inputs, x, y);
+    let behind = behind::<S>(inputs, x, y);
     for i in 0..LANES {
         let distance = seen(inputs, x[i], y[i], 0)[3].min(FAR);
         let mut found = Medium::default();
@@ -233,13 +234,13 @@ fn add(sum: &mut Medium, small: Small<'_>, sx: u32, sy: u32, weight: f32) {
 
 /// The mean radiance behind the medium over the sub-pixel positions of pixels.
 #[inline(always)]
-fn behind(inputs: &Inputs<'_>, x: [usize; LANES], y: [usize; LANES]) -> [F; 3] {
+fn behind<S: Simd>(inputs: &Inputs<'_>, x: [usize; LANES], y: [usize; LANES]) -> [F<S>; 3] {
     let p = inputs.p;
     let mut sum = [F::ZERO; 3];
-    let (fx, fy) = (F(lanes!(i => x[i] as f32)), F(lanes!(i => y[i] as f32)));
+    let (fx, fy) = (F::of(lanes!(i => x[i] as f32)), F::of(lanes!(i => y[i] as f32)));
     for s in 0..p.samples as usize {
         let before: [[f32; 4]; LANES] = lanes!(i => seen(inputs, x[i], y[i], s));
-        let hit = F(lanes!(i => before[i][3])).lt(F::splat(FAR));
+        let hit = F::of(lanes!(i => before[i][3])).lt(F::splat(FAR));
         let mut radiance = [F::ZERO; 3];
         if let Some(environment) = &inputs.environment {
             let a = (fx + inputs.subpixels[2 * s]) * (2.0 / p.full_width as f32) - 1.0;
@@ -248,7 +249,7 @@ fn behind(inputs: &Inputs<'_>, x: [usize; LANES], y: [usize; LANES]) -> [F; 3] {
             let length = dot(toward, toward).sqrt();
             radiance = sky(environment, triple!(c => toward[c] / length));
         }
-        sum = triple!(c => sum[c] + hit.select(F(lanes!(i => before[i][c])), radiance[c]));
+        sum = triple!(c => sum[c] + hit.select(F::of(lanes!(i => before[i][c])), radiance[c]));
     }
     triple!(c => sum[c] * (1.0 / p.samples as f32))
 }

@@ -1,0 +1,195 @@
+//! AVX2: two registers a packet.
+
+#![allow(unsafe_code)]
+
+use std::arch::x86_64::*;
+
+use super::{Floats, Ints, Masks, Simd};
+
+/// AVX2. Only kernels that [`compiled_for`](crate::isa::compiled_for) compiles for it may name it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Avx2 {}
+
+/// Floats as registers.
+#[inline(always)]
+fn f(a: Floats) -> [__m256; 2] {
+    // SAFETY: both are sixteen floats.
+    unsafe { std::mem::transmute(a) }
+}
+
+/// Integers or masks as registers.
+#[inline(always)]
+fn i<T>(a: [T; 16]) -> [__m256i; 2] {
+    const { assert!(size_of::<T>() == 4) };
+    // SAFETY: both are sixteen words of four bytes.
+    unsafe { std::mem::transmute_copy(&a) }
+}
+
+/// Registers as floats, integers or masks.
+#[inline(always)]
+fn from<R, T: Copy>(low: R, high: R) -> [T; 16] {
+    const { assert!(size_of::<R>() == 32 && size_of::<T>() == 4) };
+    // SAFETY: both are sixteen words of four bytes, of which any bits are a float or an integer.
+    unsafe { std::mem::transmute_copy(&[low, high]) }
+}
+
+/// The same of both halves.
+macro_rules! halves {
+    ($operation:expr, $a:expr) => {{
+        let [a, b] = $a;
+        // SAFETY: the kernel is compiled for the set, and the operation touches no memory.
+        unsafe { from($operation(a), $operation(b)) }
+    }};
+    ($operation:expr, $a:expr, $b:expr) => {{
+        let ([a, b], [c, d]) = ($a, $b);
+        // SAFETY: as above.
+        unsafe { from($operation(a, c), $operation(b, d)) }
+    }};
+    ($operation:expr, $a:expr, $b:expr, $c:expr) => {{
+        let ([a, b], [c, d], [e, g]) = ($a, $b, $c);
+        // SAFETY: as above.
+        unsafe { from($operation(a, c, e), $operation(b, d, g)) }
+    }};
+}
+
+impl Simd for Avx2 {
+    #[inline(always)]
+    fn add(a: Floats, b: Floats) -> Floats {
+        halves!(_mm256_add_ps, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn sub(a: Floats, b: Floats) -> Floats {
+        halves!(_mm256_sub_ps, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn mul(a: Floats, b: Floats) -> Floats {
+        halves!(_mm256_mul_ps, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn div(a: Floats, b: Floats) -> Floats {
+        halves!(_mm256_div_ps, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn min(a: Floats, b: Floats) -> Floats {
+        halves!(_mm256_min_ps, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn max(a: Floats, b: Floats) -> Floats {
+        halves!(_mm256_max_ps, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn abs(a: Floats) -> Floats {
+        halves!(_mm256_andnot_ps, f([-0.0; 16]), f(a))
+    }
+
+    #[inline(always)]
+    fn negate(a: Floats) -> Floats {
+        halves!(_mm256_xor_ps, f(a), f([-0.0; 16]))
+    }
+
+    #[inline(always)]
+    fn floor(a: Floats) -> Floats {
+        halves!(_mm256_floor_ps, f(a))
+    }
+
+    #[inline(always)]
+    fn ceil(a: Floats) -> Floats {
+        halves!(_mm256_ceil_ps, f(a))
+    }
+
+    #[inline(always)]
+    fn sqrt(a: Floats) -> Floats {
+        halves!(_mm256_sqrt_ps, f(a))
+    }
+
+    #[inline(always)]
+    fn less(a: Floats, b: Floats) -> Masks {
+        halves!(_mm256_cmp_ps::<_CMP_LT_OQ>, f(a), f(b))
+    }
+
+    #[inline(always)]
+    fn at_least(a: Floats, b: Floats) -> Masks {
+        halves!(_mm256_cmp_ps::<_CMP_GE_OQ>, f(a), f(b))
+    }
+
+    #[inline(always)]
+    unsafe fn to_int(a: Floats) -> Ints {
+        halves!(_mm256_cvttps_epi32, f(a))
+    }
+
+    #[inline(always)]
+    fn to_float(a: Ints) -> Floats {
+        halves!(_mm256_cvtepi32_ps, i(a))
+    }
+
+    #[inline(always)]
+    fn plus(a: Ints, b: Ints) -> Ints {
+        halves!(_mm256_add_epi32, i(a), i(b))
+    }
+
+    #[inline(always)]
+    fn times(a: Ints, b: Ints) -> Ints {
+        halves!(_mm256_mullo_epi32, i(a), i(b))
+    }
+
+    #[inline(always)]
+    fn below(a: Ints, b: Ints) -> Masks {
+        halves!(_mm256_cmpgt_epi32, i(b), i(a))
+    }
+
+    #[inline(always)]
+    fn equal(a: Ints, b: Ints) -> Masks {
+        halves!(_mm256_cmpeq_epi32, i(a), i(b))
+    }
+
+    #[inline(always)]
+    fn power_of_two(n: Ints) -> Floats {
+        halves!(_mm256_slli_epi32::<23>, i(Self::plus(n, [127; 16])))
+    }
+
+    #[inline(always)]
+    fn select(m: Masks, yes: Floats, no: Floats) -> Floats {
+        halves!(_mm256_blendv_ps, f(no), f(yes), f(from_ints(m)))
+    }
+
+    #[inline(always)]
+    fn choose(m: Masks, yes: Ints, no: Ints) -> Ints {
+        halves!(_mm256_blendv_epi8, i(no), i(yes), i(m))
+    }
+
+    #[inline(always)]
+    fn and(a: Masks, b: Masks) -> Masks {
+        halves!(_mm256_and_si256, i(a), i(b))
+    }
+
+    #[inline(always)]
+    fn or(a: Masks, b: Masks) -> Masks {
+        halves!(_mm256_or_si256, i(a), i(b))
+    }
+
+    #[inline(always)]
+    fn not(a: Masks) -> Masks {
+        halves!(_mm256_xor_si256, i(a), i([u32::MAX; 16]))
+    }
+
+    #[inline(always)]
+    fn bits(a: Masks) -> u32 {
+        let [low, high] = f(from_ints(a));
+        // SAFETY: the kernel is compiled for the set.
+        let [low, high] = unsafe { [_mm256_movemask_ps(low), _mm256_movemask_ps(high)] };
+        (low | high << 8) as u32
+    }
+}
+
+/// Bits as floats.
+#[inline(always)]
+fn from_ints(a: Masks) -> Floats {
+    // SAFETY: both are sixteen words of four bytes.
+    unsafe { std::mem::transmute(a) }
+}

@@ -1,0 +1,207 @@
+//! AVX-512: a register a packet.
+
+#![allow(unsafe_code)]
+
+use std::arch::x86_64::*;
+use std::mem::transmute;
+
+use super::{Floats, Ints, Masks, Simd};
+
+/// AVX-512 F, BW, DQ and VL. Only kernels that [`compiled_for`](crate::isa::compiled_for) compiles for them may name it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Avx512 {}
+
+/// Floats as a register.
+#[inline(always)]
+fn f(a: Floats) -> __m512 {
+    // SAFETY: both are sixteen floats.
+    unsafe { transmute(a) }
+}
+
+/// Integers or masks as a register.
+#[inline(always)]
+fn i<T>(a: [T; 16]) -> __m512i {
+    const { assert!(size_of::<T>() == 4) };
+    // SAFETY: both are sixteen words of four bytes.
+    unsafe { std::mem::transmute_copy(&a) }
+}
+
+/// A register as floats, integers or masks.
+#[inline(always)]
+fn from<R, T: Copy>(a: R) -> [T; 16] {
+    const { assert!(size_of::<R>() == 64 && size_of::<T>() == 4) };
+    // SAFETY: both are sixteen words of four bytes, of which any bits are a float or an integer.
+    unsafe { std::mem::transmute_copy(&a) }
+}
+
+/// A bit a lane as all bits of the lane.
+#[inline(always)]
+fn wide(m: __mmask16) -> Masks {
+    // SAFETY: the kernel is compiled for AVX-512 DQ.
+    from(unsafe { _mm512_movm_epi32(m) })
+}
+
+/// The lanes of a mask whose bits are set.
+#[inline(always)]
+fn narrow(m: Masks) -> __mmask16 {
+    // SAFETY: the kernel is compiled for AVX-512 DQ.
+    unsafe { _mm512_movepi32_mask(i(m)) }
+}
+
+// SAFETY of all that follows: kernels are compiled for the set, and nothing but `one` and `two` touches memory.
+impl Simd for Avx512 {
+    #[inline(always)]
+    fn add(a: Floats, b: Floats) -> Floats {
+        from(unsafe { _mm512_add_ps(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn sub(a: Floats, b: Floats) -> Floats {
+        from(unsafe { _mm512_sub_ps(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn mul(a: Floats, b: Floats) -> Floats {
+        from(unsafe { _mm512_mul_ps(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn div(a: Floats, b: Floats) -> Floats {
+        from(unsafe { _mm512_div_ps(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn min(a: Floats, b: Floats) -> Floats {
+        from(unsafe { _mm512_min_ps(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn max(a: Floats, b: Floats) -> Floats {
+        from(unsafe { _mm512_max_ps(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn abs(a: Floats) -> Floats {
+        from(unsafe { _mm512_abs_ps(f(a)) })
+    }
+
+    #[inline(always)]
+    fn negate(a: Floats) -> Floats {
+        from(unsafe { _mm512_xor_si512(i(a), _mm512_set1_epi32(i32::MIN)) })
+    }
+
+    #[inline(always)]
+    fn floor(a: Floats) -> Floats {
+        from(unsafe { _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(f(a)) })
+    }
+
+    #[inline(always)]
+    fn ceil(a: Floats) -> Floats {
+        from(unsafe { _mm512_roundscale_ps::<{ _MM_FROUND_TO_POS_INF | _MM_FROUND_NO_EXC }>(f(a)) })
+    }
+
+    #[inline(always)]
+    fn sqrt(a: Floats) -> Floats {
+        from(unsafe { _mm512_sqrt_ps(f(a)) })
+    }
+
+    #[inline(always)]
+    fn less(a: Floats, b: Floats) -> Masks {
+        wide(unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    fn at_least(a: Floats, b: Floats) -> Masks {
+        wide(unsafe { _mm512_cmp_ps_mask::<_CMP_GE_OQ>(f(a), f(b)) })
+    }
+
+    #[inline(always)]
+    unsafe fn to_int(a: Floats) -> Ints {
+        from(unsafe { _mm512_cvttps_epi32(f(a)) })
+    }
+
+    #[inline(always)]
+    fn to_float(a: Ints) -> Floats {
+        from(unsafe { _mm512_cvtepi32_ps(i(a)) })
+    }
+
+    #[inline(always)]
+    fn plus(a: Ints, b: Ints) -> Ints {
+        from(unsafe { _mm512_add_epi32(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn times(a: Ints, b: Ints) -> Ints {
+        from(unsafe { _mm512_mullo_epi32(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn below(a: Ints, b: Ints) -> Masks {
+        wide(unsafe { _mm512_cmplt_epi32_mask(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn equal(a: Ints, b: Ints) -> Masks {
+        wide(unsafe { _mm512_cmpeq_epi32_mask(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn power_of_two(n: Ints) -> Floats {
+        from(unsafe { _mm512_slli_epi32::<23>(_mm512_add_epi32(i(n), _mm512_set1_epi32(127))) })
+    }
+
+    #[inline(always)]
+    fn select(m: Masks, yes: Floats, no: Floats) -> Floats {
+        from(unsafe { _mm512_mask_blend_ps(narrow(m), f(no), f(yes)) })
+    }
+
+    #[inline(always)]
+    fn choose(m: Masks, yes: Ints, no: Ints) -> Ints {
+        from(unsafe { _mm512_mask_blend_epi32(narrow(m), i(no), i(yes)) })
+    }
+
+    #[inline(always)]
+    fn and(a: Masks, b: Masks) -> Masks {
+        from(unsafe { _mm512_and_si512(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn or(a: Masks, b: Masks) -> Masks {
+        from(unsafe { _mm512_or_si512(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn not(a: Masks) -> Masks {
+        from(unsafe { _mm512_xor_si512(i(a), _mm512_set1_epi32(-1)) })
+    }
+
+    #[inline(always)]
+    fn bits(a: Masks) -> u32 {
+        narrow(a).into()
+    }
+
+    #[inline(always)]
+    fn least(a: Floats) -> f32 {
+        unsafe { _mm512_reduce_min_ps(f(a)) }
+    }
+
+    #[inline(always)]
+    fn most(a: Floats) -> f32 {
+        unsafe { _mm512_reduce_max_ps(f(a)) }
+    }
+
+    #[inline(always)]
+    unsafe fn one(memory: &[f32], at: Ints) -> Floats {
+        // SAFETY: the offsets are the caller's.
+        from(unsafe { _mm512_i32gather_ps::<4>(i(at), memory.as_ptr()) })
+    }
+
+    #[inline(always)]
+    unsafe fn two(memory: &[f32], at: Ints) -> [Floats; 2] {
+        // SAFETY: the offsets are the caller's.
+        unsafe {
+            let (first, at) = (memory.as_ptr(), i(at));
+            [from(_mm512_i32gather_ps::<4>(at, first)), from(_mm512_i32gather_ps::<4>(at, first.add(1)))]
+        }
+    }
+}
