@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use airlight_core::device::{
-    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, Limits, ResourceId, ResourceSpec, StageTime,
+    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, FieldFormat, Limits, ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -54,8 +54,7 @@ impl Default for CpuDevice {
 impl CpuDevice {
     /// The device with the best instruction set of this machine.
     pub fn new() -> Self {
-        let isa = Isa::available().into_iter().max().unwrap_or(Isa::Baseline);
-        Self::of(isa)
+        Self::of(Isa::best())
     }
 
     /// The device with an instruction set of one's choice, where the machine has it.
@@ -126,8 +125,11 @@ impl Device for CpuDevice {
         }
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
-        // One more, so that there is a float behind the last texel of every field.
-        let units = bytes / 16 + 1;
+        let behind = match spec {
+            ResourceSpec::Field(field) if field.format == FieldFormat::Scalar => 4 * Scalars::behind(field.dims),
+            _ => 0,
+        };
+        let units = (bytes + behind).div_ceil(16);
         memory.try_reserve_exact(units).map_err(|_| missing())?;
         memory.resize(units, Unit([0; 4]));
         self.resources.insert(id, Resource { memory, spec: *spec });
@@ -155,7 +157,7 @@ impl Device for CpuDevice {
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
         self.get(from)?.spec.check_publish(&self.get(to)?.spec)?;
         let Some(mut target) = self.resources.remove(&to) else { return Ok(()) };
-        let done = self.get(from).map(|source| target.memory.copy_from_slice(&source.memory));
+        let done = self.get(from).map(|source| target.bytes_mut().copy_from_slice(source.bytes()));
         self.resources.insert(to, target);
         done
     }
@@ -174,13 +176,13 @@ impl Device for CpuDevice {
             Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory),
             Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
             Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
-            Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory),
+            Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory, isa),
             Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
             Stage::Trace(stage) => kernels::trace::run(stage, part, &mut memory, isa),
             Stage::Shade(stage) => kernels::shade::run(stage, part, &mut memory, isa),
             Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),
             Stage::Upsample(stage) => kernels::upsample::run(stage, part, &mut memory, isa),
-            Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory),
+            Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory, isa),
             Stage::Coarsen(stage) => kernels::coarsen::run(stage, part, &mut memory),
             Stage::Illuminate(stage) => kernels::illuminate::run(stage, part, &mut memory, isa),
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),

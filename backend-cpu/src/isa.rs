@@ -37,6 +37,11 @@ impl Isa {
         all
     }
 
+    /// The best instruction set of this machine.
+    pub fn best() -> Self {
+        Self::available().into_iter().max().unwrap_or(Self::Baseline)
+    }
+
     /// Name, as device features list it.
     pub fn name(self) -> &'static str {
         match self {

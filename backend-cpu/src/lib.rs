@@ -5,6 +5,7 @@
 //! that the machine has is chosen when the device is opened. Nothing is contracted or reordered between them, so all
 //! give the same bits.
 
+mod bare;
 mod device;
 mod isa;
 mod kernels;
@@ -12,6 +13,7 @@ mod packet;
 mod parts;
 mod simd;
 
+pub use bare::{BareRay, bare_lookups};
 pub use device::CpuDevice;
 pub use isa::Isa;
 

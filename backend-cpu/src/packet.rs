@@ -181,22 +181,26 @@ impl<S: Simd> F<S> {
     /// e^x for x ≤ 0, to two units in the last place; e^-87 and below is about 1e-38.
     #[inline(always)]
     pub(crate) fn exp_negative(self) -> Self {
+        let (n, q) = (-self.max(Self::splat(-87.0))).decay_parts();
+        n + n * q
+    }
+
+    /// 2ⁿ and q of e^-x = 2ⁿ (1 + q), for x from 0 to 87.
+    #[inline(always)]
+    pub(crate) fn decay_parts(self) -> (Self, Self) {
         const LOG2_E: f32 = std::f32::consts::LOG2_E;
         // ln 2 in two parts, the first exact in few bits so that n · first is exact.
         const LN2_HI: f32 = 0.693_359_4;
         const LN2_LO: f32 = -2.121_944_4e-4;
-        let x = self.max(Self::splat(-87.0)).min(Self::ZERO);
-        let n = (x * LOG2_E + 0.5).floor();
-        let r = x - n * LN2_HI - n * LN2_LO;
-        // Taylor's series to r⁷ over |r| ≤ ln 2 / 2 ends below 1e-8.
-        let p = r * (1.0 / 5040.0) + 1.0 / 720.0;
-        let p = p * r + 1.0 / 120.0;
-        let p = p * r + 1.0 / 24.0;
-        let p = p * r + 1.0 / 6.0;
-        let p = p * r + 0.5;
-        let p = p * r + 1.0;
-        let p = p * r + 1.0;
-        p * Self::of(S::power_of_two(n.to_int().0))
+        let n = (self * -LOG2_E + 0.5).floor();
+        let r = n * -LN2_HI - self - n * LN2_LO;
+        // Taylor's series to r⁷ over |r| ≤ ln 2 / 2 ends below 1e-8. In pairs, which wait less for each other.
+        let square = r * r;
+        let first = r * (1.0 / 6.0) + 0.5;
+        let second = r * (1.0 / 120.0) + 1.0 / 24.0;
+        let third = r * (1.0 / 5040.0) + 1.0 / 720.0;
+        let q = r + square * (first + square * (second + square * third));
+        (Self::of(S::power_of_two(n.to_int().0)), q)
     }
 }
 

@@ -6,7 +6,7 @@ use airlight::Renderer;
 use airlight::device::{Device, DeviceError};
 use airlight::stage::Stage;
 use airlight::stage::propagate::scheme;
-use airlight_benches::{Frame, Rig, STAGES, View, density, gaussians, lattice, scene, trilinear_sum};
+use airlight_benches::{Frame, Lookups, Rig, STAGES, View, density, gaussians, lattice, scene, trilinear_sum};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 
@@ -162,6 +162,8 @@ fn baseline(criterion: &mut Criterion) {
     let (view, values) = (View::new(256, 192), density());
     group.throughput(Throughput::Elements(view.samples()));
     group.bench_function("safe-rust", |b| b.iter(|| trilinear_sum(&values, &view)));
+    let lookups = Lookups::new(&view);
+    group.bench_function("packets", |b| b.iter(|| lookups.sum()));
 }
 
 criterion_group!(benches, baseline, stages, injections, propagations, matrices, frames, prepare);

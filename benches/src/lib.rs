@@ -8,7 +8,7 @@ pub mod papers;
 pub mod quick;
 mod stages;
 
-pub use baseline::trilinear_sum;
+pub use baseline::{Lookups, trilinear_sum};
 use frames::scene_of;
 pub use frames::{Frame, scene};
 pub use stages::{Rig, STAGES, View, gaussians};

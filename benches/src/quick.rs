@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use airlight::Renderer;
 use airlight::device::Device;
 
-use crate::{Frame, Rig, STAGES, View, density, lattice, scene};
+use crate::{Frame, Lookups, Rig, STAGES, View, density, lattice, scene};
 
 /// What ends a measurement.
 pub type Fault = Box<dyn std::error::Error>;
@@ -45,10 +45,12 @@ impl Timing {
 pub fn names() -> Vec<String> {
     let stages = STAGES.iter().map(|stage| format!("stage/{stage}"));
     let frames = Frame::ALL.iter().map(|frame| format!("frame/{}", frame.name()));
-    let first = [OPEN, UPLOAD].map(str::to_owned).into_iter().chain(stages);
+    let first = [OPEN, UPLOAD, LOOKUPS].map(str::to_owned).into_iter().chain(stages);
     first.chain([COMPILE, FIRST_FRAME].map(str::to_owned)).chain(frames).collect()
 }
 
+/// Of the processor, whatever the device.
+const LOOKUPS: &str = "baseline/packets";
 const OPEN: &str = "prepare/open";
 const UPLOAD: &str = "prepare/upload";
 const COMPILE: &str = "prepare/compile";
@@ -78,6 +80,9 @@ pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl
     tell(Timing::new(UPLOAD, runs, Some((lattice().voxels(), "voxels"))));
 
     let view = View::new(256, 192);
+    let lookups = Lookups::new(&view);
+    let runs = repeat(|| Ok(()), |()| Ok(std::hint::black_box(lookups.sum())))?;
+    tell(Timing::new(LOOKUPS, runs, Some((view.samples(), "samples"))));
     let mut compiling = Duration::ZERO;
     for name in STAGES {
         let (stage, elements, unit) = rig.stage(name, &view)?;

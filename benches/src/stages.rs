@@ -65,6 +65,11 @@ pub struct Ray {
 }
 
 impl Ray {
+    /// From each sample to the next.
+    pub fn step(&self) -> [f32; 3] {
+        self.step
+    }
+
     /// Sample `k`, the middle of its step.
     pub fn at(&self, k: u32) -> [f32; 3] {
         let t = k as f32 + 0.5;

@@ -79,6 +79,8 @@ const CPU: Backend = Backend {
         ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
         ("sample", "new", CHECKED),
         ("field", "new", CHECKED),
+        ("segment", "decay", "packets do without a quotient where they can"),
+        ("segment", "series", "packets do without a quotient where they can"),
         ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
         ("field", "texel", "generated elsewhere"),

@@ -6,7 +6,9 @@ use airlight_core::device::DeviceError;
 use airlight_core::stage::{Accumulate, AccumulateParams, FAR, March, accumulate_mode};
 use rayon::prelude::*;
 
+use crate::Isa;
 use crate::device::Memory;
+use crate::isa::compiled_for;
 use crate::packet::triple;
 
 const BLOCK: usize = March::BLOCK as usize;
@@ -37,7 +39,7 @@ struct Past {
 /// No history.
 const NONE: Past = Past { radiance: [0.0; 3], count: 0.0, transmittance: [0.0; 3], depth: f32::INFINITY, surface: FAR };
 
-pub(crate) fn run(stage: &Accumulate, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
+pub(crate) fn run(stage: &Accumulate, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.next)?;
     memory.take(stage.mean)?;
     let (mut out, read) = memory.split();
@@ -55,7 +57,8 @@ pub(crate) fn run(stage: &Accumulate, range: Range<u32>, memory: &mut Memory<'_>
     rows.enumerate().for_each(|(y, (next, mean))| {
         for (x, (next, mean)) in next.iter_mut().zip(mean).enumerate() {
             if range.contains(&((y / BLOCK * across + x / BLOCK) as u32)) {
-                (*next, *mean) = accumulate(inputs, x as u32, y as u32);
+                let (at, next, mean) = ([x as u32, y as u32], &mut *next, &mut *mean);
+                compiled_for!(isa, accumulate(inputs: Inputs<'_>, at: [u32; 2], next: &mut Kept, mean: &mut Pixel));
             }
         }
     });
@@ -63,7 +66,8 @@ pub(crate) fn run(stage: &Accumulate, range: Range<u32>, memory: &mut Memory<'_>
 }
 
 /// What a pixel leaves to the next picture, and its mean.
-fn accumulate(inputs: Inputs<'_>, x: u32, y: u32) -> (Kept, Pixel) {
+#[inline(always)]
+fn accumulate(inputs: Inputs<'_>, [x, y]: [u32; 2], next: &mut Kept, mean: &mut Pixel) {
     let p = inputs.p;
     let at = (y * p.width + x) as usize;
     let [[r, g, b, surface], [tr, tg, tb, depth]] = inputs.medium[at];
@@ -98,10 +102,12 @@ fn accumulate(inputs: Inputs<'_>, x: u32, y: u32) -> (Kept, Pixel) {
     }
     let ([r, g, b], [tr, tg, tb]) = (now.radiance, now.transmittance);
     let through = [tr, tg, tb, now.depth];
-    ([[r, g, b, now.count], through, [surface, 0.0, 0.0, 0.0]], [[r, g, b, surface], through])
+    *next = [[r, g, b, now.count], through, [surface, 0.0, 0.0, 0.0]];
+    *mean = [[r, g, b, surface], through];
 }
 
 /// The history of a pixel; none where it is not finite.
+#[inline(always)]
 fn recalled(inputs: Inputs<'_>, at: usize) -> Past {
     let [[r, g, b, count], [tr, tg, tb, depth], [surface, ..]] = inputs.last[at];
     if [r, g, b, count, tr, tg, tb].into_iter().all(finite) {
@@ -112,6 +118,7 @@ fn recalled(inputs: Inputs<'_>, at: usize) -> Past {
 }
 
 /// The history of what a pixel shows, where the last view saw it.
+#[inline(always)]
 fn followed(inputs: Inputs<'_>, x: u32, y: u32) -> Past {
     let p = inputs.p;
     let [[.., distance], [.., depth]] = inputs.medium[(y * p.width + x) as usize];
@@ -173,6 +180,7 @@ fn followed(inputs: Inputs<'_>, x: u32, y: u32) -> Past {
 }
 
 /// A history within the range of the pixels around.
+#[inline(always)]
 fn clamped(inputs: Inputs<'_>, past: Past, x: u32, y: u32) -> Past {
     let p = inputs.p;
     let (mut least, mut most) = ([[FAR; 3]; 2], [[-FAR; 3]; 2]);
@@ -193,17 +201,20 @@ fn clamped(inputs: Inputs<'_>, past: Past, x: u32, y: u32) -> Past {
 }
 
 /// Whether a value is neither infinite nor no number.
+#[inline(always)]
 fn finite(v: f32) -> bool {
     v.is_finite()
 }
 
 /// How well surfaces of two distances fit.
+#[inline(always)]
 fn fit(a: f32, b: f32) -> f32 {
     let nearer = 1.0 - a.min(b) / a.max(b).max(1e-30);
     (2.0 - nearer / Accumulate::NEAR).clamp(0.0, 1.0)
 }
 
 /// What is stopped, with which a depth is weighed; nothing where there is no depth.
+#[inline(always)]
 fn stopped(transmittance: [f32; 3], depth: f32) -> f32 {
     if !finite(depth) {
         return 0.0;

@@ -202,19 +202,22 @@ fn between<S: Simd>(texels: &[[f32; 4]; 2], c: usize, f: F<S>) -> F<S> {
 /// One layer of scalars that packets look up: the only place that reads memory without a check.
 #[derive(Clone, Copy)]
 pub(crate) struct Scalars<'a> {
-    /// The texels and at least one more float.
+    /// The texels and more: see [`Scalars::behind`].
     texels: &'a [f32],
     dims: [i32; 3],
 }
 
 impl<'a> Scalars<'a> {
-    /// The texels of a field of `dims`, with at least one float behind them.
+    /// Floats that must lie behind the texels: at the edge the next texel has no weight, and is looked up all the same.
+    pub(crate) fn behind([x, y, _]: [u32; 3]) -> usize {
+        x as usize * y as usize + x as usize + 1
+    }
+
+    /// The texels of a field of `dims`, with finite floats behind them.
     pub(crate) fn new(texels: &'a [f32], dims: [u32; 3]) -> Self {
-        let dims = dims.map(|d| d as i32);
-        assert!(dims.iter().all(|&d| d > 0));
-        let count = dims.iter().map(|&d| d as usize).product::<usize>();
-        assert!(texels.len() > count && count <= i32::MAX as usize);
-        Self { texels, dims }
+        let count = dims.iter().map(|&d| d as usize).product::<usize>() + Self::behind(dims);
+        assert!(dims.iter().all(|&d| d > 0) && texels.len() >= count && count <= i32::MAX as usize);
+        Self { texels, dims: dims.map(|d| d as i32) }
     }
 
     /// Texels along x, y, z as floats.
@@ -242,13 +245,9 @@ impl<'a> Scalars<'a> {
         let lo = triple!(a => q[a].to_int());
         let f = triple!(a => q[a] - lo[a].to_float());
         let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
-        // To the next texel: none at the edge. Along x the one behind has no weight there.
-        let dy = lo[1].below(self.dims[1] - 1).choose(row);
-        let dz = lo[2].below(self.dims[2] - 1).choose(slice);
-        let near = lo[0].plus(lo[1].times(row)).plus(lo[2].times(slice));
-        let far = near.plus(dz);
-        let near = lerp(self.row::<S>(near, f[0]), self.row::<S>(near.plus(dy), f[0]), f[1]);
-        let far = lerp(self.row::<S>(far, f[0]), self.row::<S>(far.plus(dy), f[0]), f[1]);
+        let at = lo[0].plus(lo[1].times(row)).plus(lo[2].times(slice));
+        let near = lerp(self.row(at, 0, f[0]), self.row(at, row, f[0]), f[1]);
+        let far = lerp(self.row(at, slice, f[0]), self.row(at, slice + row, f[0]), f[1]);
         lerp(near, far, f[2])
     }
 
@@ -267,13 +266,13 @@ impl<'a> Scalars<'a> {
         mix(plane(near), plane(near + dz), f[2])
     }
 
-    /// Between the texels at `at` and those behind them.
+    /// Between the texels `by` after those at `at` and the ones behind them.
     #[inline(always)]
-    fn row<S: Simd>(&self, at: I<S>, f: F<S>) -> F<S> {
+    fn row<S: Simd>(&self, at: I<S>, by: i32, f: F<S>) -> F<S> {
         // SAFETY: offsets come from `sample` alone: each index is clamped to [0, dims - 1], also where the point is
-        // not a number, steps stay within, and `new` checked that the texels are one more than dims say.
+        // not a number, `by` is at most a slice and a row, and `new` checked that so much more lies behind the texels.
         #[allow(unsafe_code)]
-        let [a, b] = unsafe { S::two(self.texels, at.0) };
+        let [a, b] = unsafe { S::two(self.texels.get_unchecked(by as usize..), at.0) };
         lerp(F::of(a), F::of(b), f)
     }
 }

@@ -15,7 +15,7 @@ use super::mesh::{Mesh, line};
 use super::phase::{Phase, phase};
 use super::phong::{normal, phong};
 use super::sample::{Ahead, Occupancy, Ray};
-use super::segment::segment;
+use super::segment::{decay, segment};
 use super::sky::{Sky, sky};
 use crate::Isa;
 use crate::device::Memory;
@@ -48,6 +48,11 @@ struct Inputs<'a> {
     mesh: Mesh<'a>,
     shadow_map: &'a [f32],
     grey: bool,
+    /// Whether there is something that scatters, and light that it may scatter.
+    lit: bool,
+    emits: bool,
+    /// Whether one channel serves all, and what scatters is a part of what stops.
+    plain: bool,
 }
 
 /// What is kept of sixteen pixels: the film, which holds sums between passes, and the path where rays are cut.
@@ -67,6 +72,8 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         Some(field) => Ok(Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1]))),
         None => Ok::<_, DeviceError>(None),
     };
+    let grey = [p.extinction, p.light_extinction].iter().all(|e| e[0] == e[1] && e[1] == e[2]);
+    let emits = p.emission[..3].iter().any(|&e| e != 0.0);
     let inputs = Inputs {
         p,
         density,
@@ -111,7 +118,11 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         surface: read.opt(stage.surface)?,
         mesh: Mesh::new(read.opt(stage.mesh)?, p.nodes),
         shadow_map: read.opt(stage.shadow_map)?,
-        grey: [p.extinction, p.light_extinction].iter().all(|e| e[0] == e[1] && e[1] == e[2]),
+        lit: p.albedo[0] + p.albedo[1] + p.albedo[2] > 0.0
+            && (stage.in_scatter.is_some() || stage.scattered.is_some() || p.lights > 0),
+        emits,
+        grey,
+        plain: grey && !emits && stage.scattering.is_none(),
     };
     let mut out = out.into_iter().map(|kept| Parts::new(bytemuck::cast_slice_mut::<u8, Kept>(kept)));
     let (film, paths) = (out.next(), out.next());
@@ -162,10 +173,11 @@ fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], kept: [Option<&Parts
         for (pixels, kept) in pixels.iter().zip(kept) {
             let Some(kept) = kept else { continue };
             for (i, at) in (0..LANES).filter_map(|i| Some((i, pixel(i)?))) {
+                let [[r, g, b, a], [x, y, z, w]] = pixels;
                 // SAFETY: as above.
                 #[allow(unsafe_code)]
                 unsafe {
-                    kept.set(at, [0, 1].map(|half| [0, 1, 2, 3].map(|c| pixels[half][c][i])));
+                    kept.set(at, [[r[i], g[i], b[i], a[i]], [x[i], y[i], z[i], w[i]]]);
                 }
             }
         }
@@ -198,6 +210,8 @@ fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         [through[0], through[1], through[2], stopped_at] = packets(&out[0][1]);
     }
     let ends = p.step_end == March::ALL_STEPS;
+    // Y_k of the direction, where the in-scatter has layers.
+    let mut basis = [F::ZERO; harmonics::MAX];
     for s in p.sample_begin as usize..p.sample_end as usize {
         let a = (fx + inputs.tables[2 * s]) * (2.0 / p.full_width as f32) - 1.0;
         let b = -((fy + inputs.tables[2 * s + 1]) * (2.0 / p.full_height as f32) - 1.0);
@@ -211,7 +225,10 @@ fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         if p.step_begin > 0 {
             path.resume(&out[1]);
         }
-        path.walk(inputs);
+        if p.cells[3].max(p.scattered_cells[3]) > 1 {
+            harmonics(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut basis);
+        }
+        path.walk(inputs, &basis);
         if !ends {
             out[1] = path.keep();
             return;
@@ -302,8 +319,6 @@ struct Path<S> {
     /// Light stopped so far, and the same weighed with its distance.
     stopped: F<S>,
     stopped_at: F<S>,
-    /// Y_k of the direction, where the in-scatter has layers.
-    basis: [F<S>; harmonics::MAX],
 }
 
 impl<S: Simd> Path<S> {
@@ -313,10 +328,6 @@ impl<S: Simd> Path<S> {
         let p = inputs.p;
         let index = to_index(rows(p), d);
         let origin = triple!(a => F::splat(p.eye[a]));
-        let mut basis = [F::ZERO; harmonics::MAX];
-        if p.cells[3].max(p.scattered_cells[3]) > 1 {
-            harmonics(&inputs.tables[p.harmonics_at as usize..], p.bands as usize, d, &mut basis);
-        }
         let mut ray = Ray::through(origin, index, inputs.density.size(), limit, p.step);
         if p.steps > 0 {
             ray = ray.in_steps(p.steps as f32);
@@ -329,7 +340,6 @@ impl<S: Simd> Path<S> {
             transmittance: [F::ONE; 3],
             stopped: F::ZERO,
             stopped_at: F::ZERO,
-            basis,
         }
     }
 
@@ -349,14 +359,18 @@ impl<S: Simd> Path<S> {
 
     /// The steps of this pass.
     #[inline(always)]
-    fn walk(&mut self, inputs: &Inputs<'_>) {
+    fn walk(&mut self, inputs: &Inputs<'_>, basis: &[F<S>; harmonics::MAX]) {
         let p = inputs.p;
         let (last, cut) = (self.ray.steps.max_lane().min(p.step_end as f32), F::splat(p.cut));
-        let scatters = p.albedo[0] + p.albedo[1] + p.albedo[2] > 0.0;
         let (mut k, mut ask) = (p.step_begin as f32, 0.0);
         while k < last {
-            let brightest = self.transmittance[0].max(self.transmittance[1]).max(self.transmittance[2]);
-            let active = F::splat(k).lt(self.ray.steps).and(brightest.ge(cut));
+            let mut brightest = self.transmittance[0];
+            if !inputs.grey {
+                brightest = brightest.max(self.transmittance[1]).max(self.transmittance[2]);
+            }
+            // What is looked up waits for no transmittance: only what comes of it does.
+            let (within, open) = (F::splat(k).lt(self.ray.steps), brightest.ge(cut));
+            let active = within.and(open);
             if !active.any() {
                 break;
             }
@@ -371,31 +385,57 @@ impl<S: Simd> Path<S> {
                 }
             }
             let at = self.ray.along(t);
-            let optics = optics::<S>(inputs, at, active);
-            let dense = optics.scattering[0].max(optics.scattering[1]).max(optics.scattering[2]).gt(F::ZERO);
-            let mut light = [F::ZERO; 3];
-            if scatters && dense.any() {
-                gathered(inputs, at, &self.basis, dense, &mut light);
-                scattered_light(inputs, at, &self.basis, dense, &mut light);
-                direct::<S>(inputs, at, self.direction, t, dense, &mut light);
+            let Optics { extinction, scattering, emission } = optics::<S>(inputs, at, within);
+            let mut sent = emission;
+            if inputs.lit {
+                let dense = scattering[0].max(scattering[1]).max(scattering[2]).gt(F::ZERO).and(open);
+                if dense.any() {
+                    let mut light = [F::ZERO; 3];
+                    gathered(inputs, at, basis, dense, &mut light);
+                    scattered_light(inputs, at, basis, dense, &mut light);
+                    direct::<S>(inputs, at, self.direction, t, dense, &mut light);
+                    sent = if inputs.plain {
+                        triple!(c => light[c] * p.albedo[c])
+                    } else {
+                        triple!(c => scattering[c] * light[c] + emission[c])
+                    };
+                }
             }
-            let delta = self.ray.step;
-            let Optics { extinction, scattering, emission } = optics;
-            let first = segment(extinction[0] * delta);
-            let (second, third) = if inputs.grey {
-                (first, first)
+            let (delta, shines) = (self.ray.step, inputs.lit || inputs.emits);
+            let share = if inputs.plain {
+                // What is scattered is a part of what is stopped.
+                let (e, lost) = decay(extinction[0] * delta);
+                let stops = open.select(self.transmittance[0] * lost, F::ZERO);
+                if inputs.lit {
+                    self.radiance = triple!(c => self.radiance[c] + stops * sent[c]);
+                }
+                self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
+                stops * 3.0
+            } else if inputs.grey {
+                // One channel serves all; the others are made from it at the end.
+                let (e, mean) = segment(extinction[0] * delta);
+                let reach = open.select(self.transmittance[0] * delta * mean, F::ZERO);
+                if shines {
+                    self.radiance = triple!(c => self.radiance[c] + reach * sent[c]);
+                }
+                self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
+                extinction[0] * reach * 3.0
             } else {
-                (segment(extinction[1] * delta), segment(extinction[2] * delta))
+                let pieces = triple!(c => segment(extinction[c] * delta));
+                let reach = triple!(c => open.select(self.transmittance[c] * delta * pieces[c].1, F::ZERO));
+                if shines {
+                    self.radiance = triple!(c => self.radiance[c] + reach[c] * sent[c]);
+                }
+                self.transmittance =
+                    triple!(c => open.select(self.transmittance[c] * pieces[c].0, self.transmittance[c]));
+                extinction[0] * reach[0] + extinction[1] * reach[1] + extinction[2] * reach[2]
             };
-            let pieces = [first, second, third];
-            let reach = triple!(c => self.transmittance[c] * delta * pieces[c].1);
-            let sent = triple!(c => scattering[c] * light[c] + emission[c]);
-            let share = extinction[0] * reach[0] + extinction[1] * reach[1] + extinction[2] * reach[2];
-            self.radiance = triple!(c => self.radiance[c] + reach[c] * sent[c]);
-            self.transmittance = triple!(c => self.transmittance[c] * pieces[c].0);
             self.stopped = self.stopped + share;
             self.stopped_at = self.stopped_at + share * t;
             k += 1.0;
+        }
+        if inputs.grey {
+            self.transmittance = [self.transmittance[0]; 3];
         }
     }
 }
