@@ -131,7 +131,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Evaluate(_) => (file!("evaluate.cl"), scalars(1)),
         Stage::Reconstruct(_) => (file!("reconstruct.cl"), scalars(1)),
         Stage::Photons(_) => (file!("photons.cl"), scalars(1)),
-        Stage::Classify(_) => (file!("classify.cl"), scalars(Classify::PACK)),
+        Stage::Classify(_) => (file!("classify.cl"), packets(Classify::PACK)),
     };
     Source { name: stage.name(), items, width, file, recipe: Recipe::of(stage) }
 }
@@ -328,10 +328,10 @@ fn texels(shape: &Shape, slabs: u32, layered: bool, width: u32) -> String {
         }
         () => format!(
             "    int column[WIDTH];\n    int row[WIDTH];\n    int slice[WIDTH];\n    float found[WIDTH];\n    \
-             spread(x, column);\n    spread(y, row);\n    spread(z, slice);\n    \
+             unpack(x, column);\n    unpack(y, row);\n    unpack(z, slice);\n    \
              for (uint i = 0u; i < WIDTH; i++) {{\n        \
              found[i] = texel_{name}(bound, (int3)(column[i], row[i], slice[i]), size, layer);\n    }}\n    \
-             return collect(found);\n"
+             return pack(found);\n"
         ),
     };
     out += &body;
