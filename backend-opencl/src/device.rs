@@ -5,7 +5,9 @@ use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::time::Duration;
 
-use airlight_core::device::{Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime, Unavailable};
+use airlight_core::device::{
+    Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime, Unavailable,
+};
 use airlight_core::stage::Stage;
 
 use crate::cl::{Arg, Built, Cl};

@@ -33,7 +33,8 @@ const PACKET: &str = include_str!("packet.cl");
 
 /// Before functions that are always inlined, and behind them: PoCL leaves calls as they are, and packets would go through
 /// memory. Other compilers inline all by themselves.
-const INLINE: &str = "#ifdef __clang__\n#pragma clang attribute push(__attribute__((always_inline)), apply_to = function)\n#endif\n";
+const INLINE: &str =
+    "#ifdef __clang__\n#pragma clang attribute push(__attribute__((always_inline)), apply_to = function)\n#endif\n";
 const INLINE_END: &str = "#ifdef __clang__\n#pragma clang attribute pop\n#endif\n";
 
 /// How many lanes the packets of kernels have that work on packets: one on devices that run scalar work-items side by side,
@@ -118,11 +119,14 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
         Stage::Relight(_) => (file!("relight.cl"), scalars(1)),
         Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
-        Stage::Inject(_) => (file!("inject.cl"), match lanes {
-            Lanes::One => scalars(Inject::BRICK * Inject::BRICK),
-            // A brick an item.
-            Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
-        }),
+        Stage::Inject(_) => (
+            file!("inject.cl"),
+            match lanes {
+                Lanes::One => scalars(Inject::BRICK * Inject::BRICK),
+                // A brick an item.
+                Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
+            },
+        ),
         Stage::Trace(_) => (file!("trace.cl"), packets(1)),
         Stage::Shade(_) => (file!("shade.cl"), packets(1)),
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
@@ -205,7 +209,13 @@ impl Source {
         let steps = p.cells[3];
         if step == steps {
             let count = p.count().div_ceil(self.width) * p.coefficients.div_ceil(SWEEP_TAKEN);
-            return Ok(Dispatch { launch: Launch { count, ..launch }, units: 1, items: count.into(), team: None, scratch: 0 });
+            return Ok(Dispatch {
+                launch: Launch { count, ..launch },
+                units: 1,
+                items: count.into(),
+                team: None,
+                scratch: 0,
+            });
         }
         let (units, width) = ((steps - step).min(end - launch.start), u64::from(self.width));
         let directions = p.batch.min(p.directions - batch * p.batch);
