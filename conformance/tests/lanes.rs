@@ -1,38 +1,28 @@
-//! Kernels in OpenCL C that work on packets agree with their twins in f64 whatever number of lanes they are built with: cases of
-//! every stage that has such a kernel, on the first OpenCL device. Without one the test says that it was skipped, or fails where
+//! Kernels in OpenCL C that work on packets agree with their twins in f64 whatever number of lanes they are built with: scalars and
+//! vectors of eight here, and what suits the device in the suite, on the first OpenCL device. Without one the test says that it was skipped, or fails where
 //! `AIRLIGHT_REQUIRE` names `opencl`.
 
 use airlight::device::Device;
 use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
-/// Between them they take every branch that packets and scalars write differently.
-const CASES: [&str; 15] = [
+/// Between them they take the branches that packets and scalars write differently.
+const CASES: [&str; 5] = [
     "stage::inject::gaussians_rotated",
-    "stage::inject::gaussians_sheared",
-    "stage::inject::noise_plain",
-    "stage::project::colored_weights",
     "stage::project::toward_eye_with_emission",
-    "stage::march::everything",
-    "stage::march::columns_of_seven_lights",
-    "stage::march::several_by_maps",
     "stage::trace::room",
-    "stage::shade::several",
-    "stage::shadow::several",
-    "stage::illuminate::surfaces",
-    "stage::obstruct::few_cells",
     "stage::sweep::everything_between_surfaces",
-    "stage::classify::seen",
+    "stage::march::everything",
 ];
 
 #[test]
-fn packets_of_every_number_of_lanes_agree_with_their_twins() {
+fn packets_of_few_lanes_agree_with_their_twins() {
     if let Err(reason) = OpenclDevice::with_lanes(0, Lanes::One) {
         assert!(!listed("AIRLIGHT_REQUIRE").iter().any(|id| id == "opencl"), "opencl is required: {reason}");
         eprintln!("SKIPPED, because opencl has no device: {reason}");
         return;
     }
-    for lanes in [Lanes::One, Lanes::Eight, Lanes::Sixteen] {
+    for lanes in [Lanes::One, Lanes::Eight] {
         let subject = Subject::new(format!("opencl with {lanes:?}"), move || {
             let device = OpenclDevice::with_lanes(0, lanes).map_err(|reason| reason.to_string())?;
             Ok(Box::new(device) as Box<dyn Device>)
