@@ -1,6 +1,8 @@
 // Lookups of the field FIELD, whose texels are VALUEs; instantiated for each field of a stage. `size` is the number of
 // texels of a layer along x, y and z.
 
+// Four rows of a lookup share their indices, which a call each would compute anew.
+__attribute__((always_inline))
 FOUND_VALUE row_FIELD(const Bound *, INDEX_VALUE, INDEX_VALUE, INDEX_VALUE, INDEX_VALUE, PLACE_VALUE, int3, int);
 
 // `p` within [0, size - 1], also where it is not a number: what is looked up is always there.
