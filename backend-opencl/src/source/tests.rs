@@ -28,7 +28,7 @@ fn arguments<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
 #[test]
 fn every_stage_has_a_kernel_of_its_name() {
     for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
-        let source = of(stage);
+        let source = of(stage, Lanes::Sixteen);
         assert_eq!((stage.name(), source.name), (name, name));
         let text = source.text(&shapes(stage, 1, false));
         assert_eq!(text.matches("__kernel").count(), 1, "{name}");
@@ -41,7 +41,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 fn kernels_take_what_their_stages_list_under_the_same_names() {
     for full in [true, false] {
         for stage in &examples(full) {
-            let (source, shapes) = (of(stage), shapes(stage, 2, true));
+            let (source, shapes) = (of(stage, Lanes::One), shapes(stage, 2, true));
             let text = source.text(&shapes);
             let mut taken = arguments(&text, source.name).into_iter();
             assert_eq!(taken.next(), Some("__constant const Constants *constants"));
@@ -64,7 +64,8 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
                     assert_eq!(writes, shape.kind == ShapeKind::Write, "{}: {got}", source.name);
                 }
             }
-            assert_eq!(taken.next(), None, "{}", source.name);
+            let scratch = source.shares().then_some("__global float *restrict scratch");
+            assert_eq!((taken.next(), taken.next()), (scratch, None), "{}", source.name);
         }
     }
 }
@@ -110,16 +111,16 @@ fn structs_lie_in_opencl_as_in_rust() {
 fn a_compiler_is_told_the_file_of_every_line() {
     let stages = examples(true);
     let stage = stages.iter().find(|stage| stage.name() == "march").unwrap();
-    let text = of(stage).text(&shapes(stage, 1, false));
+    let text = of(stage, Lanes::Eight).text(&shapes(stage, 1, false));
     let (mut file, mut number) = ("", 0);
     for line in text.lines() {
         number += 1;
         if let Some(name) = line.strip_prefix("#line 1 ") {
             (file, number) = (name, 0);
         }
-        if line.contains("float e = exp(-tau)") {
+        if line.contains("F e = exp_negative(-tau)") {
             let segment = helper(Helper::Segment).text;
-            let there = segment.lines().position(|line| line.contains("exp(-tau);")).unwrap() + 1;
+            let there = segment.lines().position(|line| line.contains("exp_negative(-tau);")).unwrap() + 1;
             assert_eq!((file, number), ("\"kernels/segment.cl\"", there));
             return;
         }

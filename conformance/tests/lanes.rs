@@ -1,0 +1,39 @@
+//! Kernels in OpenCL C that work on packets agree with their twins in f64 whatever number of lanes they are built with: scalars and
+//! vectors of eight here, and what suits the device in the suite, on the first OpenCL device. Without one the test says that it was skipped, or fails where
+//! `AIRLIGHT_REQUIRE` names `opencl`.
+
+use airlight::device::Device;
+use airlight_conformance::{Subject, cases, listed};
+use airlight_opencl::{Lanes, OpenclDevice};
+
+/// Between them they take the branches that packets and scalars write differently.
+const CASES: [&str; 5] = [
+    "stage::inject::gaussians_rotated",
+    "stage::project::toward_eye_with_emission",
+    "stage::trace::room",
+    "stage::sweep::everything_between_surfaces",
+    "stage::march::everything",
+];
+
+#[test]
+fn packets_of_few_lanes_agree_with_their_twins() {
+    if let Err(reason) = OpenclDevice::with_lanes(0, Lanes::One) {
+        assert!(!listed("AIRLIGHT_REQUIRE").iter().any(|id| id == "opencl"), "opencl is required: {reason}");
+        eprintln!("SKIPPED, because opencl has no device: {reason}");
+        return;
+    }
+    for lanes in [Lanes::One, Lanes::Eight] {
+        let subject = Subject::new(format!("opencl with {lanes:?}"), move || {
+            let device = OpenclDevice::with_lanes(0, lanes).map_err(|reason| reason.to_string())?;
+            Ok(Box::new(device) as Box<dyn Device>)
+        });
+        let chosen: Vec<_> = cases().into_iter().filter(|case| CASES.contains(&case.name())).collect();
+        assert_eq!(chosen.len(), CASES.len(), "a case has another name now");
+        // PoCL takes minutes to compile the barriers of scalars in `sweep`, which it never chooses.
+        for case in chosen.iter().filter(|case| lanes != Lanes::One || !case.name().starts_with("stage::sweep")) {
+            if let Err(failed) = case.run(&subject).verdict() {
+                panic!("{}, {}: {}", subject.name(), case.name(), failed.message().unwrap_or("failed"));
+            }
+        }
+    }
+}
