@@ -31,17 +31,20 @@ fn line(origin: vec3<f32>, direction: vec3<f32>) -> Line {
     return Line(origin, direction, 1.0 / d, u, v);
 }
 
-// The nearest triangle within boxes `begin` to `end`, between `least` and `limit` metres along.
+// The nearest triangle within boxes `begin` to `end`, between `least` and `limit` metres along. Rays that walk together
+// look for their next boxes with triangles first, and at those together.
 fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
     var found = Hit(FAR, 0u, vec3<f32>(0.0));
     var far = limit;
     var node = begin;
     while node < end {
-        if !meets(way, node, far) {
-            node = mesh[2u * node].number;
-            continue;
+        var leaf = 0u;
+        loop {
+            leaf = visited(way, &node, far);
+            continuing {
+                break if node >= end || (leaf & MESH_COUNT_MASK) != 0u;
+            }
         }
-        let leaf = mesh[2u * node + 1u].number;
         let first = leaf >> MESH_COUNT_BITS;
         for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
             let at = crossed(way, first + k);
@@ -50,36 +53,47 @@ fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
                 found = Hit(far, first + k, at.yzw);
             }
         }
-        node++;
     }
     return found;
 }
 
 // Whether a triangle stands within `limit` metres.
 fn blocked(way: Line, limit: f32) -> bool {
+    var stands = false;
     var node = 0u;
     while node < params.nodes {
-        if !meets(way, node, limit) {
-            node = mesh[2u * node].number;
-            continue;
+        var leaf = 0u;
+        loop {
+            leaf = visited(way, &node, limit);
+            continuing {
+                break if node >= params.nodes || (leaf & MESH_COUNT_MASK) != 0u;
+            }
         }
-        let leaf = mesh[2u * node + 1u].number;
         let first = leaf >> MESH_COUNT_BITS;
         for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
             let at = crossed(way, first + k);
-            if at.x >= 0.0 && at.x < limit {
-                return true;
-            }
+            stands = stands || (at.x >= 0.0 && at.x < limit);
         }
-        node++;
+        if stands {
+            node = params.nodes;
+        }
     }
-    return false;
+    return stands;
+}
+
+// Steps on from a box: what stands for its triangles where the ray meets it, else none.
+fn visited(way: Line, node: ptr<function, u32>, limit: f32) -> u32 {
+    let low = read_mesh(2u * *node);
+    let high = read_mesh(2u * *node + 1u);
+    let met = meets(way, low, high, limit);
+    *node = select(low.number, *node + 1u, met);
+    return select(0u, high.number, met);
 }
 
 // Whether the ray meets a box within `limit` metres.
-fn meets(way: Line, node: u32, limit: f32) -> bool {
-    let lower = (place(2u * node) - way.origin) * way.inverse;
-    let upper = (place(2u * node + 1u) - way.origin) * way.inverse;
+fn meets(way: Line, low: MeshRecord, high: MeshRecord, limit: f32) -> bool {
+    let lower = (vec3<f32>(low.x, low.y, low.z) - way.origin) * way.inverse;
+    let upper = (vec3<f32>(high.x, high.y, high.z) - way.origin) * way.inverse;
     let first = min(lower, upper);
     let last = max(lower, upper);
     let near = max(max(first.x, first.y), max(first.z, 0.0));
@@ -113,7 +127,7 @@ fn crossed(way: Line, triangle: u32) -> vec4<f32> {
 
 // The place of a record.
 fn place(record: u32) -> vec3<f32> {
-    let at = mesh[record];
+    let at = read_mesh(record);
     return vec3<f32>(at.x, at.y, at.z);
 }
 

@@ -20,6 +20,7 @@ mod memory;
 mod pipeline;
 mod source;
 mod store;
+mod texels;
 mod vulkan;
 
 pub use device::WgpuDevice;

@@ -5,6 +5,7 @@ use wgpu::{Buffer, BufferUsages, Extent3d, Texture, TextureDimension, TextureFor
 
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
+use crate::texels::Texels;
 
 /// A resource.
 #[derive(Debug)]
@@ -18,6 +19,8 @@ pub(crate) enum Resource {
 pub(crate) struct Memory {
     pub(crate) buffer: Buffer,
     pub(crate) bytes: u64,
+    /// Copies as textures, where kernels read those: one for each size of texels.
+    pub(crate) texels: Vec<Texels>,
 }
 
 /// A field. Its layers lie one behind the other along z, and that axis is cut into slabs that fit a texture each.
@@ -63,7 +66,8 @@ impl Resource {
                     return Err(DeviceError::Limit { what, requested: size, limit });
                 }
                 let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-                Ok(Self::Buffer(Memory { buffer: gpu.buffer("buffer", size, usage)?, bytes: *bytes }))
+                let buffer = gpu.buffer("buffer", size, usage)?;
+                Ok(Self::Buffer(Memory { buffer, bytes: *bytes, texels: Vec::new() }))
             }
             ResourceSpec::Field(spec) => Volume::new(gpu, *spec, limits).map(Self::Field),
         }

@@ -9,6 +9,9 @@ use airlight_core::kernel_struct;
 use airlight_core::stage::Stage;
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
+pub(crate) use reads::{TEXELS_ACROSS, words};
+
+mod reads;
 
 const WGSL: KernelLanguage = KernelLanguage::Wgsl;
 
@@ -76,6 +79,22 @@ fn helper(helper: Helper) -> KernelFile {
     }
 }
 
+/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Fetched(u32);
+
+impl Fetched {
+    /// With the binding `index` too.
+    pub(crate) fn with(self, index: usize) -> Self {
+        Self(self.0 | 1 << index)
+    }
+
+    /// Whether the binding `index` is one of them.
+    pub(crate) fn has(self, index: usize) -> bool {
+        self.0 >> index & 1 == 1
+    }
+}
+
 /// The kernel of a stage.
 #[derive(Debug)]
 pub(crate) struct Source {
@@ -115,17 +134,22 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
-    /// The text for bindings of these shapes; where `filtered`, texture units interpolate fields of one texture.
-    pub(crate) fn text(&self, shapes: &[Shape], filtered: bool) -> Text {
-        let mut prelude = self.recipe.prelude(WGSL, shapes) + &uniforms(self.recipe.params);
+    /// The text for bindings of these shapes, of which `fetched` are storage textures; where `filtered`, texture units
+    /// interpolate fields of one texture.
+    pub(crate) fn text(&self, shapes: &[Shape], fetched: Fetched, filtered: bool) -> Text {
+        let structs = self.recipe.prelude(WGSL, shapes);
+        let mut prelude = structs.clone() + &uniforms(self.recipe.params);
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
         for (index, shape) in shapes.iter().enumerate() {
             prelude += &match shape.kind {
-                ShapeKind::Read => buffer(shape, index, "read"),
-                ShapeKind::Write => buffer(shape, index, "read_write"),
-                ShapeKind::Field { slabs, .. } => texel(shape, index, slabs) + &filter(shape, filtered && slabs == 1),
+                ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, &structs),
+                ShapeKind::Read => reads::memory(shape, index),
+                ShapeKind::Write => buffer(shape, index),
+                ShapeKind::Field { slabs, .. } => {
+                    texel(shape, index, slabs, fetched.has(index)) + &filter(shape, filtered && slabs == 1)
+                }
             };
         }
         Text::new(WGSL, &prelude, &self.recipe, shapes, helper, self.file)
@@ -148,25 +172,30 @@ pub(crate) fn uniforms(params: &str) -> String {
         + NUMBER
 }
 
-fn buffer(shape: &Shape, index: usize, access: &str) -> String {
+fn buffer(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
-    format!("@group(1) @binding({index}) var<storage, {access}> {name}: array<{element}>;\n")
+    format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{element}>;\n")
 }
 
 /// The textures of a field, and the function that reads a texel of one of its layers, which lie one behind the other.
-fn texel(shape: &Shape, index: usize, slabs: u32) -> String {
+fn texel(shape: &Shape, index: usize, slabs: u32, fetched: bool) -> String {
     let (name, value) = (shape.name, shape.element.name(WGSL));
     let part = if shape.element == KernelElement::Scalar(KernelScalar::F32) { ".x" } else { "" };
+    let format = if part.is_empty() { "rgba32float" } else { "r32float" };
+    let (texture, level) = match fetched {
+        true => (format!("texture_storage_3d<{format}, read>"), ""),
+        false => ("texture_3d<f32>".to_owned(), ", 0"),
+    };
     let mut out = String::new();
     // Writing to a String cannot fail.
     for slab in 0..slabs {
         let binding = slab_binding(index, slab);
-        let _ = writeln!(out, "@group(2) @binding({binding}) var {name}_{slab}: texture_3d<f32>;");
+        let _ = writeln!(out, "@group(2) @binding({binding}) var {name}_{slab}: {texture};");
     }
     let _ = writeln!(out, "fn texel_{name}(at: vec3<i32>, size: vec3<i32>, layer: i32) -> {value} {{");
     let _ = writeln!(out, "    let slice = layer * size.z + at.z;");
     if slabs == 1 {
-        let _ = writeln!(out, "    return textureLoad({name}_0, vec3<i32>(at.xy, slice), 0){part};");
+        let _ = writeln!(out, "    return textureLoad({name}_0, vec3<i32>(at.xy, slice){level}){part};");
     } else {
         // All slabs but the last have the slices of the first.
         let _ = writeln!(out, "    let per_slab = i32(textureDimensions({name}_0).z);");
@@ -174,7 +203,7 @@ fn texel(shape: &Shape, index: usize, slabs: u32) -> String {
         let _ = writeln!(out, "    switch slice / per_slab {{");
         for slab in 0..slabs {
             let case = if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
-            let _ = writeln!(out, "        {case}: {{ return textureLoad({name}_{slab}, place, 0){part}; }}");
+            let _ = writeln!(out, "        {case}: {{ return textureLoad({name}_{slab}, place{level}){part}; }}");
         }
         let _ = writeln!(out, "    }}");
     }

@@ -119,7 +119,16 @@ const CPU: Backend = Backend {
     ],
 };
 
-const WGPU: Backend = Backend { folder: "backend-wgpu/kernels", ending: "wgsl", own: &[], lacks: &[] };
+const WGPU: Backend = Backend {
+    folder: "backend-wgpu/kernels",
+    ending: "wgsl",
+    own: &[(
+        "mesh",
+        "visited",
+        "a step to the next box, which rays that walk together take before they look at triangles",
+    )],
+    lacks: &[],
+};
 
 const OPENCL: Backend = Backend {
     folder: "backend-opencl/kernels",

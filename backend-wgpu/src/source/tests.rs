@@ -12,6 +12,11 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
     stage.bindings().iter().map(|binding| Shape::new(binding, slabs)).collect()
 }
 
+/// The text of a kernel that reads memory and sampled textures.
+fn text(stage: &Stage, slabs: u32) -> Text {
+    of(stage).text(&shapes(stage, slabs), Fetched::default(), false)
+}
+
 /// Reads and validates a kernel; faults name their file and line.
 pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
@@ -33,9 +38,11 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
     for full in [true, false] {
         for stage in &examples(full) {
             for slabs in [1, 2, MAX_SLABS] {
-                for filtered in [false, true] {
-                    if let Err(error) = module(&of(stage).text(&shapes(stage, slabs), filtered)) {
-                        panic!("{} {full} {slabs} {filtered}: {error}", stage.name());
+                let shapes = shapes(stage, slabs);
+                let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
+                for (fetched, filtered) in [(Fetched::default(), false), (Fetched::default(), true), (all, false)] {
+                    if let Err(error) = module(&of(stage).text(&shapes, fetched, filtered)) {
+                        panic!("{} {full} {slabs} {fetched:?} {filtered}: {error}", stage.name());
                     }
                 }
             }
@@ -50,7 +57,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
 fn every_stage_has_a_kernel_of_its_name() {
     for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
         assert_eq!((stage.name(), of(stage).name), (name, name));
-        let module = module(&of(stage).text(&shapes(stage, 1), false)).unwrap();
+        let module = module(&text(stage, 1)).unwrap();
         assert_eq!(module.entry_points[0].name, name);
         // One workgroup takes a workgroup's invocations' worth of units, or they share one.
         let size: u32 = module.entry_points[0].workgroup_size.iter().product();
@@ -63,7 +70,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 fn kernels_bind_what_their_stages_list_under_the_same_names() {
     for stage in &examples(true) {
         let shapes = shapes(stage, 2);
-        let module = module(&of(stage).text(&shapes, false)).unwrap();
+        let module = module(&text(stage, 2)).unwrap();
         let global = |group, binding| {
             let at = Some(naga::ResourceBinding { group, binding });
             module.global_variables.iter().map(|(_, global)| global).find(|global| global.binding == at)
@@ -96,7 +103,7 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 #[test]
 fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
     let limits = crate::adapter::required_limits();
-    let mut texts: Vec<_> = examples(true).iter().map(|stage| of(stage).text(&shapes(stage, 1), false)).collect();
+    let mut texts: Vec<_> = examples(true).iter().map(|stage| text(stage, 1)).collect();
     texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(publish_text));
     texts.extend(crate::engine::kernels());
     let mut most = [0; 6];
@@ -170,7 +177,7 @@ fn structs_lie_in_wgsl_as_in_rust() {
 fn faults_name_the_file_and_line_they_stand_in() {
     let stages = examples(true);
     let stage = stages.iter().find(|stage| stage.name() == "march").expect("a stage that uses the helper");
-    let mut text = of(stage).text(&shapes(stage, 1), false);
+    let mut text = text(stage, 1);
     let lines = helper(Helper::Segment).text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
     text.whole = text.whole.replace("exp(-tau)", "no_such_function(-tau)");
     let error = module(&text).unwrap_err();
