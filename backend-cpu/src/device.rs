@@ -140,7 +140,7 @@ impl Device for CpuDevice {
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         let resource = self.get_mut(id)?;
-        resource.spec.check_write(offset, data.len())?;
+        resource.spec.check_write(offset, data)?;
         resource.bytes_mut()[offset as usize..][..data.len()].copy_from_slice(data);
         Ok(())
     }

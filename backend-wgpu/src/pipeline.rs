@@ -10,7 +10,7 @@ use wgpu::{
 };
 
 use crate::gpu::Gpu;
-use crate::source::{Shape, ShapeKind, Text, slab_binding};
+use crate::source::{Shape, ShapeKind, Text, index_binding, slab_binding};
 
 /// A kernel built for bindings of one shape.
 #[derive(Debug)]
@@ -39,14 +39,16 @@ fn entries(shapes: &[Shape], filtered: bool) -> [Vec<BindGroupLayoutEntry>; 2] {
                 let read_only = shape.kind == ShapeKind::Read;
                 buffers.push(entry(index as u32, buffer(BufferBindingType::Storage { read_only })));
             }
-            ShapeKind::Field { slabs, .. } => {
-                let ty = BindingType::Texture {
-                    // Where kernels load texels, 32-bit floats need not be filterable.
-                    sample_type: TextureSampleType::Float { filterable: filtered },
+            ShapeKind::Field { slabs, bricks, .. } => {
+                let texture = |sample_type| BindingType::Texture {
+                    sample_type,
                     view_dimension: TextureViewDimension::D3,
                     multisampled: false,
                 };
+                // Where kernels load texels, 32-bit floats need not be filterable.
+                let ty = texture(TextureSampleType::Float { filterable: filtered });
                 textures.extend((0..slabs).map(|slab| entry(slab_binding(index, slab), ty)));
+                textures.extend(bricks.then(|| entry(index_binding(index), texture(TextureSampleType::Uint))));
             }
         }
     }

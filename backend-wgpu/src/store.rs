@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, FieldSpec, Limits, ResourceId};
+use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, FieldSpec, Layout, Limits, ResourceId};
 use wgpu::{Buffer, BufferUsages, TextureView};
 
 use crate::gpu::Gpu;
 use crate::memory::{Memory, Resource, Volume};
-use crate::source::{Shape, slab_binding};
+use crate::source::{Shape, index_binding, slab_binding};
 
 /// The resources under their ids, and what stands where a stage runs without one.
 #[derive(Debug)]
@@ -40,7 +40,7 @@ pub(crate) struct Bound<'s> {
 impl Store {
     /// A store without resources.
     pub(crate) fn new(gpu: &Gpu, limits: &Limits) -> Result<Self, DeviceError> {
-        let volume = |format| Volume::new(gpu, FieldSpec { dims: [1; 3], layers: 1, format }, limits);
+        let volume = |format| Volume::new(gpu, FieldSpec::dense([1; 3], 1, format), limits);
         let dummies = Dummies {
             read: gpu.buffer("nothing to read", DUMMY, BufferUsages::STORAGE)?,
             write: gpu.buffer("nothing to write", DUMMY * BINDINGS, BufferUsages::STORAGE)?,
@@ -100,8 +100,8 @@ impl Store {
                 (BindingAccess::Sample(_), Some(id)) => self.field(id)?.slabs.count(),
                 _ => 1,
             };
-            if matches!(binding.access, BindingAccess::Sample(_)) {
-                textures += u64::from(slabs);
+            if let BindingAccess::Sample(spec) = binding.access {
+                textures += u64::from(slabs) + u64::from(spec.layout != Layout::Dense);
             }
             Ok(Shape::new(binding, slabs))
         };
@@ -126,11 +126,13 @@ impl Store {
                 (BindingAccess::Sample(spec), id) => {
                     let volume = match (id, spec.format) {
                         (Some(id), _) => self.field(id)?,
-                        (None, FieldFormat::Scalar) => &self.dummies.scalar,
+                        (None, FieldFormat::Scalar | FieldFormat::Half { .. }) => &self.dummies.scalar,
                         (None, FieldFormat::Rgba) => &self.dummies.rgba,
                     };
                     let views = volume.textures.iter().zip(0..);
                     bound.textures.extend(views.map(|((_, view), slab)| (slab_binding(index, slab), view)));
+                    let atlas = volume.atlas.as_ref();
+                    bound.textures.extend(atlas.map(|atlas| (index_binding(index), &atlas.index_view)));
                 }
                 (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) => {
                     let (offset, bytes) = window(binding);

@@ -8,7 +8,7 @@ use airlight::device::Bytes;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light, Split};
 use airlight::media::{ControlPoint, DensitySource, Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
-use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Reason, Scene};
+use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Precision, Reason, Scene};
 use airlight::transfer::Channel;
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
@@ -127,6 +127,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "jitter": jitter(quality.jitter),
             "scale": quality.scale,
             "temporal": quality.temporal,
+            "density": precision(quality.density),
         },
         "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
         "warnings": loaded.warnings,
@@ -187,6 +188,13 @@ pub(crate) fn jitter(jitter: Jitter) -> &'static str {
     match jitter {
         Jitter::None => "none",
         Jitter::BlueNoise => "blue-noise",
+    }
+}
+
+pub(crate) fn precision(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F32 => "f32",
+        Precision::F16 => "f16",
     }
 }
 

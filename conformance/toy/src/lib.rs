@@ -107,7 +107,7 @@ impl Device for Toy {
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.last = None;
         let resource = self.memory.get_mut(&id).ok_or_else(|| missing(id))?;
-        resource.spec.check_write(offset, data.len())?;
+        resource.spec.check_write(offset, data)?;
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut resource.words);
         bytes[offset as usize..][..data.len()].copy_from_slice(data);
         Ok(())

@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn what_kernels_would_index_out_of_bounds_is_refused() {
-        let spec = FieldSpec { dims: [7, 5, 9], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([7, 5, 9], 1, FieldFormat::Scalar);
         let stage = Classify {
             params: ClassifyParams::new([7, 5, 9], classify_kind::SEEN, 3),
             values: Field { id: ResourceId(0), spec },

@@ -48,7 +48,7 @@ pub(super) fn most_steps(dims: [u32; 4], index: [[f32; 4]; 3], longest: f32) -> 
 
 /// Whether `field` is a scalar field of one layer of `dims`.
 pub(super) fn is_scalar(field: &Field, dims: [u32; 4]) -> bool {
-    field.spec.format == FieldFormat::Scalar && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
+    field.spec.format != FieldFormat::Rgba && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
 }
 
 /// Whether `field` is a field of colours in one layer of `dims`.

@@ -322,10 +322,7 @@ mod tests {
         }
         let mut stage = gaussians();
         (stage.params.dims[3], stage.params.octaves) = (inject_kind::DETAIL, 16);
-        stage.base = Some(Field {
-            id: ResourceId(9),
-            spec: FieldSpec { dims: [20, 9, 17], layers: 1, format: FieldFormat::Scalar },
-        });
+        stage.base = Some(Field { id: ResourceId(9), spec: FieldSpec::dense([20, 9, 17], 1, FieldFormat::Scalar) });
         assert_eq!(stage.validate(), Ok(()));
         assert!(stage.passes(152).is_err() && stage.passes(153).is_ok());
     }
