@@ -6,6 +6,7 @@
 //! give the same bits.
 
 mod device;
+mod held;
 mod isa;
 mod kernels;
 mod packet;

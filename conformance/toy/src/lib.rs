@@ -73,6 +73,7 @@ impl Device for Toy {
         if self.memory.contains_key(&id) {
             return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
         }
+        spec.check_kind(self.field_kinds())?;
         let Limits { buffer_bytes, field_side, .. } = self.info.limits;
         if let ResourceSpec::Field(field) = spec {
             if field.texels() == 0 {
