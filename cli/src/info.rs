@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airlight::basis::window::{DIRECTIONS, Ringing};
-use airlight::device::Bytes;
+use airlight::device::{Bytes, FieldFormat, FieldSpec};
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light, Split};
 use airlight::media::{ControlPoint, DensitySource, Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
@@ -438,6 +438,14 @@ fn slices(dims: UVec3, mut fill: impl FnMut(u32, &mut [f32]), mut visit: impl Fn
     }
 }
 
+/// What a density takes on a device: laid out, and in bricks where it is held sparse; in 32 and in 16 bits.
+fn device_bytes(medium: &dyn Medium) -> Value {
+    let dims = medium.lattice().dims().to_array();
+    let dense = [FieldFormat::Scalar, FieldFormat::half(1.0)].map(|format| FieldSpec::dense(dims, 1, format));
+    let bricks = medium.density_bricks().map(|bricks| dense.map(|field| field.in_bricks(bricks.layout()).bytes()));
+    json!({ "dense": dense.map(|field| field.bytes()), "bricks": bricks })
+}
+
 /// Size, place, range, mean and largest columns of a density.
 fn density(medium: &dyn Medium) -> Map<String, Value> {
     let lattice: &Lattice = medium.lattice();
@@ -446,6 +454,7 @@ fn density(medium: &dyn Medium) -> Map<String, Value> {
     map.insert("dims".into(), json!(dims.to_array()));
     map.insert("bounds".into(), json!([min.to_array(), max.to_array()]));
     map.insert("voxel_edges".into(), json!(lattice.edges().to_array()));
+    map.insert("device_bytes".into(), device_bytes(medium));
     if !walkable(dims) {
         map.insert("range".into(), Value::Null);
         return map;

@@ -12,6 +12,19 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
     stage.bindings().iter().map(|binding| Shape::new(binding, slabs)).collect()
 }
 
+/// The same with scalars in halves and in bricks.
+fn packed(stage: &Stage, half: bool) -> Vec<Shape> {
+    let mut shapes = shapes(stage, 1);
+    for shape in &mut shapes {
+        if let ShapeKind::Field { format, bricks, .. } = &mut shape.kind
+            && *format == FieldFormat::Scalar
+        {
+            (*format, *bricks) = (if half { FieldFormat::Half { exponent: -8 } } else { *format }, true);
+        }
+    }
+    shapes
+}
+
 /// Reads and validates a kernel; faults name their file and line.
 pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
@@ -38,6 +51,13 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                         panic!("{} {full} {slabs} {filtered}: {error}", stage.name());
                     }
                 }
+            }
+        }
+    }
+    for stage in &examples(true) {
+        for (half, filtered) in [(false, false), (true, false), (true, true)] {
+            if let Err(error) = module(&of(stage).text(&packed(stage, half), filtered)) {
+                panic!("{} in bricks {half} {filtered}: {error}", stage.name());
             }
         }
     }

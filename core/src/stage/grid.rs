@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::device::{Field, FieldFormat, FieldSpec};
+use crate::device::{Buf, Field, FieldFormat, FieldSpec};
 use crate::media::{Lattice, Phase};
 use crate::stage::require;
 
