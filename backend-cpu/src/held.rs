@@ -9,9 +9,47 @@ use crate::simd::Simd;
 #[derive(Clone, Copy)]
 pub(crate) enum Held<'a> {
     /// 32-bit floats.
-    Floats(&'a [f32]),
-    /// Two 16-bit floats in the bits of each of these, times a factor.
-    Halves(&'a [f32], f32),
+    Floats(Floats<'a>),
+    /// 16-bit floats.
+    Halves(Halves<'a>),
+}
+
+/// 32-bit floats.
+#[derive(Clone, Copy)]
+pub(crate) struct Floats<'a>(&'a [f32]);
+
+/// Two 16-bit floats in the bits of each of these, times a factor.
+#[derive(Clone, Copy)]
+pub(crate) struct Halves<'a>(&'a [f32], f32);
+
+/// Texels that packets look up two at a time.
+pub(crate) trait Pairs: Copy {
+    /// The texel at each offset and the one behind it.
+    ///
+    /// # Safety
+    /// Every offset is below the number of texels.
+    #[allow(unsafe_code)]
+    unsafe fn two<S: Simd>(self, at: I<S>) -> [F<S>; 2];
+}
+
+impl Pairs for Floats<'_> {
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    unsafe fn two<S: Simd>(self, at: I<S>) -> [F<S>; 2] {
+        // SAFETY: the caller's, and there is one more.
+        let [a, b] = unsafe { S::two(self.0, at.0) };
+        [F::of(a), F::of(b)]
+    }
+}
+
+impl Pairs for Halves<'_> {
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    unsafe fn two<S: Simd>(self, at: I<S>) -> [F<S>; 2] {
+        // SAFETY: the caller's, and there is one more.
+        let [a, b] = unsafe { S::halves(self.0, at.0) };
+        [F::of(a) * self.1, F::of(b) * self.1]
+    }
 }
 
 /// What a half is as a float, where it is a number: its bits in the places of a float's are 2^112 times smaller.
@@ -26,8 +64,8 @@ impl<'a> Held<'a> {
     pub(crate) fn new(memory: &'a [f32], format: FieldFormat, count: usize) -> Self {
         assert!(count <= i32::MAX as usize && (count as u64 + 1) * format.bytes() <= size_of_val(memory) as u64);
         match format {
-            FieldFormat::Half { .. } => Self::Halves(memory, format.factor()),
-            FieldFormat::Scalar | FieldFormat::Rgba => Self::Floats(memory),
+            FieldFormat::Half { .. } => Self::Halves(Halves(memory, format.factor())),
+            FieldFormat::Scalar | FieldFormat::Rgba => Self::Floats(Floats(memory)),
         }
     }
 
@@ -35,29 +73,8 @@ impl<'a> Held<'a> {
     #[inline(always)]
     pub(crate) fn one(&self, at: usize) -> f32 {
         match *self {
-            Self::Floats(texels) => texels[at],
-            Self::Halves(pairs, factor) => half((pairs[at / 2].to_bits() >> (at % 2 * 16)) as u16) * factor,
-        }
-    }
-
-    /// The texel at each offset and the one behind it.
-    ///
-    /// # Safety
-    /// Every offset is below the number of texels.
-    #[inline(always)]
-    #[allow(unsafe_code)]
-    pub(crate) unsafe fn two<S: Simd>(&self, at: I<S>) -> [F<S>; 2] {
-        match *self {
-            Self::Floats(texels) => {
-                // SAFETY: the caller's, and there is one more.
-                let [a, b] = unsafe { S::two(texels, at.0) };
-                [F::of(a), F::of(b)]
-            }
-            Self::Halves(pairs, factor) => {
-                // SAFETY: as above.
-                let [a, b] = unsafe { S::halves(pairs, at.0) };
-                [F::of(a) * factor, F::of(b) * factor]
-            }
+            Self::Floats(Floats(texels)) => texels[at],
+            Self::Halves(Halves(pairs, factor)) => half((pairs[at / 2].to_bits() >> (at % 2 * 16)) as u16) * factor,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use airlight_core::device::{BrickLayout, FieldSpec, Layout};
 
-use crate::held::{Bricks, Held};
+use crate::held::{Bricks, Held, Pairs};
 use crate::packet::{F, I, LANES, M, lerp, triple};
 use crate::simd::Simd;
 
@@ -278,9 +278,18 @@ impl<'a> Scalars<'a> {
                 (bricks.places(lo), I::splat(side), I::splat(side * side))
             }
         };
+        match self.texels {
+            Held::Floats(texels) => self.between::<S, _>(texels, near, [dy, dz], f),
+            Held::Halves(texels) => self.between::<S, _>(texels, near, [dy, dz], f),
+        }
+    }
+
+    /// Between the texel at `near`, the one behind it, and those a hop further along y and z.
+    #[inline(always)]
+    fn between<S: Simd, T: Pairs>(&self, texels: T, near: I<S>, [dy, dz]: [I<S>; 2], f: [F<S>; 3]) -> F<S> {
         let far = near.plus(dz);
-        let near = lerp(self.row::<S>(near, f[0]), self.row::<S>(near.plus(dy), f[0]), f[1]);
-        let far = lerp(self.row::<S>(far, f[0]), self.row::<S>(far.plus(dy), f[0]), f[1]);
+        let near = lerp(self.row(texels, near, f[0]), self.row(texels, near.plus(dy), f[0]), f[1]);
+        let far = lerp(self.row(texels, far, f[0]), self.row(texels, far.plus(dy), f[0]), f[1]);
         lerp(near, far, f[2])
     }
 
@@ -309,12 +318,12 @@ impl<'a> Scalars<'a> {
 
     /// Between the texels at `at` and those behind them.
     #[inline(always)]
-    fn row<S: Simd>(&self, at: I<S>, f: F<S>) -> F<S> {
+    fn row<S: Simd, T: Pairs>(&self, texels: T, at: I<S>, f: F<S>) -> F<S> {
         // SAFETY: offsets come from `sample` alone: each index is clamped to [0, dims - 1], also where the point is
         // not a number, steps stay within the texels or a brick that the index names, and `new` checked that there is one
         // more than there are texels.
         #[allow(unsafe_code)]
-        let [a, b] = unsafe { self.texels.two(at) };
+        let [a, b] = unsafe { texels.two(at) };
         lerp(a, b, f)
     }
 }
