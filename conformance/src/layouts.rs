@@ -7,8 +7,8 @@ use airlight::glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{Brick, Grid, GridMedium, IndexBox, Medium, Phase, Storage, Tile};
 use airlight::scene::{
-    AllEstimate, Direct, EnvironmentEstimate, Estimate, LightsEstimate, Local, Opacity, Path, Precision, Quality,
-    Records, ScatteringEstimate, Scene, Shadow, SurfaceShadow, Sweeps,
+    AllEstimate, EnvironmentEstimate, Estimate, LightsEstimate, Local, Opacity, Path, Precision, Quality, Records,
+    ScatteringEstimate, Scene, Solver, Sweeps,
 };
 use libtest_mimic::Failed;
 
@@ -105,31 +105,26 @@ fn scenes() -> Axis<Shown> {
     let mut grids = of.clone();
     grids.optics.emission = Vec3::new(0.3, 0.2, 0.1);
     grids.estimate = Estimate {
-        environment: Some(EnvironmentEstimate::Records(Records { cells, ..Records::default() })),
+        environment: Some(EnvironmentEstimate::Records(Records { cells, solver: Solver::March, ..Records::default() })),
         lights: Some(LightsEstimate::Opacity(Opacity { cells, ..Opacity::default() })),
         scattering: Some(ScatteringEstimate::Sweeps(Sweeps { cells, ..Sweeps::default() })),
         all: None,
     };
     let mut walls = of.clone();
     (walls.surfaces, walls.environment) = (Some(Arc::new(room())), None);
-    let shadows = Direct { shadow: Shadow::March, surface_shadow: SurfaceShadow::Ray };
-    walls.estimate = Estimate { lights: Some(LightsEstimate::Direct(shadows)), ..Estimate::none() };
-    let mut surfaces = of.clone();
     let local = Local { ambient: 0.6, diffuse: 0.8, specular: 0.3, shininess: 5.0 };
-    (surfaces.environment, surfaces.estimate) =
-        (None, Estimate { lights: Some(LightsEstimate::Local(local)), ..Estimate::none() });
+    walls.estimate = Estimate { lights: Some(LightsEstimate::Local(local)), ..Estimate::none() };
     let mut paths = grids.clone();
     let path = Path { samples: 2, ..Path::default() };
     paths.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
     let mut photons = made_of_photons();
-    photons.camera = camera(6, 4, 1);
+    photons.camera = camera(9, 7, 1);
     let shown = |scene, glows, stages| Shown { scene, glows, stages };
     Axis::new(
         "scene",
         [
-            ("grids", shown(grids, true, &["reduce", "project", "propagate", "coarsen", "illuminate", "march"][..])),
-            ("walls", shown(walls, false, &["shade", "march"])),
-            ("surfaces", shown(surfaces, false, &["march"])),
+            ("walls", shown(walls, false, &["reduce", "shade", "march"][..])),
+            ("grids", shown(grids, true, &["reduce", "project", "propagate", "coarsen", "illuminate", "march"])),
             ("paths", shown(paths, true, &["path"])),
             ("photons", shown(photons, false, &["photons", "march"])),
         ],
@@ -143,7 +138,7 @@ fn pictures(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
         let whole = std::mem::take(&mut first);
         let mut dense = 0;
         record.each(&holdings(), |record, &Holding { bricks, density }| {
-            // Kernels are built for each way: all of them where one picture takes most stages, and elsewhere both at once.
+            // Kernels are built for each way: for all of them once, and elsewhere for both at once.
             if !whole && bricks != (density == Precision::F16) {
                 return Ok(());
             }
@@ -168,7 +163,7 @@ fn pictures(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
                 dense = rendered.report.bytes.max(dense);
             }
             let film = rendered.film;
-            check!(film.beauty.iter().any(|p| p[3] > 0.1), "the cloud is not seen");
+            check!(film.beauty.iter().any(|p| p[3] > 0.02), "the cloud is not seen");
             record.steady("beauty", film.beauty.as_flattened());
             record.steady("transmittance", film.transmittance.as_flattened());
             Ok(())
@@ -176,7 +171,7 @@ fn pictures(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     })
 }
 
-fn writes(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
+fn writes(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
     let kinds = bench.device.field_kinds();
     let dims = [17, 8, 9];
@@ -208,6 +203,5 @@ fn writes(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             }
         }
     }
-    record.score("kinds", "tried", 0.0, 0.0);
     Ok(())
 }

@@ -9,7 +9,7 @@ use airlight::device::Bytes;
 use airlight::glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use airlight::light::Light;
 use airlight::media::{BRICK, Brick, Grid, GridMedium, IndexBox, Medium, Optics, Storage};
-use airlight::scene::{Camera, Direct, Estimate, LightsEstimate, Precision, Quality, Scene, Shadow, SurfaceShadow};
+use airlight::scene::{Camera, Direct, Estimate, LightsEstimate, Precision, Quality, Scene, Shadow};
 
 /// Balls in a cube of one metre that together fill a share of it.
 struct Balls(Vec<(DVec3, f64)>);
@@ -26,19 +26,19 @@ impl Balls {
         Self((0..ACROSS.pow(3)).map(cell).collect())
     }
 
-    /// Density at a place: falls to zero at a ball's rim.
-    fn density(&self, p: DVec3, near: &[usize]) -> f32 {
-        let at = |&n: &usize| (1.0 - p.distance(self.0[n].0) / self.0[n].1).max(0.0);
-        near.iter().map(at).fold(0.0, f64::max) as f32
+    /// Density of a ball at a place: falls to zero at its rim.
+    fn density(&self, n: usize, p: DVec3) -> f32 {
+        let (center, radius) = self.0[n];
+        (1.0 - p.distance(center) / radius).max(0.0) as f32
     }
 
     /// The stored bricks of a sparse grid of `side` voxels.
     fn bricks(&self, side: i32) -> Vec<Brick> {
         let (voxel, brick) = (1.0 / f64::from(side), f64::from(BRICK));
         let mut bricks = Vec::new();
-        for (n, (center, radius)) in self.0.iter().enumerate() {
-            let low = ((center - *radius) / voxel / brick).floor().as_ivec3().max(IVec3::ZERO);
-            let high = ((center + *radius) / voxel / brick).floor().as_ivec3().min(IVec3::splat(side / BRICK - 1));
+        for (n, &(center, radius)) in self.0.iter().enumerate() {
+            let low = ((center - radius) / voxel / brick).floor().as_ivec3().max(IVec3::ZERO);
+            let high = ((center + radius) / voxel / brick).floor().as_ivec3().min(IVec3::splat(side / BRICK - 1));
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
                     for x in low.x..=high.x {
@@ -46,7 +46,7 @@ impl Balls {
                         let mut values = Box::new([0.0f32; 512]);
                         for (i, value) in (0..).zip(values.iter_mut()) {
                             let at = origin + IVec3::new(i & 7, i >> 3 & 7, i >> 6);
-                            *value = self.density((at.as_dvec3() + 0.5) * voxel, &[n]);
+                            *value = self.density(n, (at.as_dvec3() + 0.5) * voxel);
                         }
                         if values.iter().any(|v| *v > 0.0) {
                             bricks.push(Brick { origin, values });
@@ -89,7 +89,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if let Some(bricks) = medium.density_bricks() {
         println!("{:?}, in {:.2} s", bricks.layout(), made.elapsed().as_secs_f64());
     }
-    let shadows = Direct { shadow: Shadow::March, surface_shadow: SurfaceShadow::Map };
+    let shadows = Direct { shadow: Shadow::March, ..Direct::default() };
     let scene = Scene {
         camera: Camera {
             origin: DVec3::new(1.9, 1.3, 2.2),
