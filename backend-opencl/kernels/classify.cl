@@ -1,7 +1,14 @@
-// `classify`: what the values of a grid mean. One work-item a voxel.
+// `classify`: what the values of a grid mean. One work-item a packet of voxels.
 
-ControlRecord point(const Bound *bound, float value);
-float3 color(const Bound *bound, ControlRecord p);
+// What control points say of a value.
+typedef struct {
+    F density;
+    F3 first;
+    F3 second;
+} Control;
+
+Control point(const Bound *bound, F value);
+F3 color(const Bound *bound, const Control *p);
 
 void run_classify(const Bound *bound) {
     size_t n = number();
@@ -13,52 +20,64 @@ void run_classify(const Bound *bound) {
     uint slice = dims.x * dims.y;
     uint packs = (slice + PACK - 1u) / PACK;
     uint z = unit / packs;
-    uint place = unit % packs * PACK + (uint)(n % PACK);
-    if (place >= slice) {
+    uint first = unit % packs * PACK + (uint)(n % PACK);
+    if (first >= slice) {
         return;
     }
-    uint3 at = (uint3)(place % dims.x, place / dims.x, z);
-    ControlRecord p = point(bound, texel_values(bound, convert_int3(at), convert_int3(dims.xyz), 0));
-    size_t out = (size_t)z * slice + place;
+    U place = elements(first, slice);
+    int marked[WIDTH];
+    unpack(filled(first, slice), marked);
+    int3 size = convert_int3(dims.xyz);
+    F value = texels_values(bound, as_signed(place % dims.x), as_signed(place / dims.x), (I)((int)z), size, 0);
+    Control p = point(bound, value);
+    size_t out = (size_t)z * slice + first;
     if (dims.w < CLASSIFY_COLOR) {
-        float reach = fmax(fmax(p.first.x, p.first.y), p.first.z);
-        bound->classified[out] = dims.w == CLASSIFY_REACH ? reach : p.place.y;
+        F reach = greater(greater(p.first.x, p.first.y), p.first.z);
+        put(dims.w == CLASSIFY_REACH ? reach : p.density, bound->classified + out, LANE, marked);
         return;
     }
-    float3 found = color(bound, p);
-    bound->classified[4u * out] = found.x;
-    bound->classified[4u * out + 1u] = found.y;
-    bound->classified[4u * out + 2u] = found.z;
-    bound->classified[4u * out + 3u] = 0.0f;
+    F3 found = color(bound, &p);
+    put(found.x, bound->classified + 4u * out, 4u * LANE, marked);
+    put(found.y, bound->classified + 4u * out, 4u * LANE + 1u, marked);
+    put(found.z, bound->classified + 4u * out, 4u * LANE + 2u, marked);
+    put((F)(0.0f), bound->classified + 4u * out, 4u * LANE + 3u, marked);
 }
 
-// What the control points say of a value: linear between two, constant beyond the first and the last.
-ControlRecord point(const Bound *bound, float value) {
+// What the control points say of values: linear between two, constant beyond the first and the last.
+Control point(const Bound *bound, F value) {
     uint count = bound->params->count;
-    uint below = 0u;
+    I below = (I)(0);
     for (uint i = 0u; i < count; i++) {
-        below += bound->points[i].place.x <= value ? 1u : 0u;
+        below = bound->points[i].place.x <= value ? below + 1 : below;
     }
-    ControlRecord a = bound->points[max(below, 1u) - 1u];
-    ControlRecord b = bound->points[min(below, count - 1u)];
-    float width = b.place.x - a.place.x;
+    // A value, a density, a first colour from the fourth float on and a second from the eighth.
+    __global const float *points = (__global const float *)bound->points;
+    I a = 12 * (max(below, (I)(1)) - 1);
+    I b = 12 * min(below, (I)((int)count - 1));
+    F start = fetch(points, a);
+    F width = fetch(points, b) - start;
     // Beyond the ends both are one point, and between them never.
-    float f = width > 0.0f ? (value - a.place.x) / width : 0.0f;
-    ControlRecord p;
-    p.place = a.place + (b.place - a.place) * f;
-    p.first = a.first + (b.first - a.first) * f;
-    p.second = a.second + (b.second - a.second) * f;
+    F f = width > 0.0f ? (value - start) / width : (F)(0.0f);
+    F found[12];
+    for (uint i = 1u; i < 11u; i++) {
+        F from = fetch(points + i, a);
+        found[i] = from + (fetch(points + i, b) - from) * f;
+    }
+    Control p;
+    p.density = found[1];
+    p.first = f3(found[4], found[5], found[6]);
+    p.second = f3(found[8], found[9], found[10]);
     return p;
 }
 
 // The colour of a kind that has one.
-float3 color(const Bound *bound, ControlRecord p) {
+F3 color(const Bound *bound, const Control *p) {
     if (bound->params->dims.w == CLASSIFY_COLOR) {
-        return p.first.xyz;
+        return p->first;
     }
-    float3 scatters = p.place.y * p.first.xyz;
+    F3 scatters = scale3(p->first, p->density);
     if (bound->params->dims.w == CLASSIFY_SCATTERING) {
         return scatters;
     }
-    return scatters * p.second.xyz;
+    return mul3(scatters, p->second);
 }

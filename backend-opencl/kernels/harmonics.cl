@@ -3,17 +3,20 @@
 float harmonics_value(const Bound *bound, uint i);
 
 // Y_k(d) for all k below the square of `bands`, by the recurrences of the constants.
-void harmonics(const Bound *bound, float3 d, uint bands, float *out) {
+void harmonics(const Bound *bound, F3 d, uint bands, F *out) {
     // Real and imaginary part of (z + i x)^m.
-    float re = 1.0f;
-    float im = 0.0f;
+    F re = (F)(1.0f);
+    F im = (F)(0.0f);
     for (uint m = 0u; m < bands; m++) {
-        float below = 0.0f;
-        float this_one = 0.0f;
+        F below = (F)(0.0f);
+        F this_one = (F)(0.0f);
         for (uint l = m; l < bands; l++) {
             uint at = 2u * (l * (l + 1u) / 2u + m);
             float a = harmonics_value(bound, at);
-            float next = l == m ? a : d.y * this_one * a - below * harmonics_value(bound, at + 1u);
+            F next = (F)(a);
+            if (l > m) {
+                next = d.y * this_one * a - below * harmonics_value(bound, at + 1u);
+            }
             below = this_one;
             this_one = next;
             uint center = l * (l + 1u);
@@ -22,7 +25,7 @@ void harmonics(const Bound *bound, float3 d, uint bands, float *out) {
                 out[center - m] = this_one * im;
             }
         }
-        float turned = re * d.z - im * d.x;
+        F turned = re * d.z - im * d.x;
         im = re * d.x + im * d.z;
         re = turned;
     }

@@ -1,6 +1,7 @@
-// `illuminate`: moments of the unscattered light of analytic lights at the cells of a coarse grid. One work-item a cell.
+// `illuminate`: moments of the unscattered light of analytic lights at the cells of a coarse grid. One work-item a packet of
+// cells.
 
-float3 arriving(const Bound *bound, uint i, const Incident *light, float3 at, float3 index);
+F3 arriving(const Bound *bound, uint i, const Incident *light, F3 at, F3 index);
 uint4 blocks(const Bound *bound);
 
 void run_illuminate(const Bound *bound) {
@@ -8,57 +9,64 @@ void run_illuminate(const Bound *bound) {
     if (n >= bound->launch->count) {
         return;
     }
-    uint cell = bound->launch->start + (uint)n;
+    size_t first = bound->launch->start + n;
+    U cell = bound->launch->start + elements(n, bound->launch->count);
+    int marked[WIDTH];
+    unpack(filled(n, bound->launch->count), marked);
     uint3 cells = bound->params->cells.xyz;
-    float3 place = convert_float3((uint3)(cell % cells.x, cell / cells.x % cells.y, cell / cells.x / cells.y));
-    float3 index = (place + 0.5f) * bound->params->cell.xyz - 0.5f;
-    float3 v = index - (convert_float3(bound->params->dims.xyz) - 1.0f) * 0.5f;
-    float3 x = bound->params->world_x.xyz;
-    float3 y = bound->params->world_y.xyz;
-    float3 z = bound->params->world_z.xyz;
-    float3 at = (float3)(dot(x, v), dot(y, v), dot(z, v));
-    float t = sqrt(dot(at, at));
-    float3 d = at / max(t, 1.2e-38f);
+    float3 side = bound->params->cell.xyz;
+    F3 index = f3((to_float(cell % cells.x) + 0.5f) * side.x - 0.5f,
+                  (to_float(cell / cells.x % cells.y) + 0.5f) * side.y - 0.5f,
+                  (to_float(cell / cells.x / cells.y) + 0.5f) * side.z - 0.5f);
+    F3 v = sub3(index, all3((convert_float3(bound->params->dims.xyz) - 1.0f) * 0.5f));
+    F3 at = f3(dot3(all3(bound->params->world_x.xyz), v), dot3(all3(bound->params->world_y.xyz), v),
+               dot3(all3(bound->params->world_z.xyz), v));
+    F t = sqrt(dot3(at, at));
+    F away = greater(t, (F)(1.2e-38f));
+    F3 d = f3(at.x / away, at.y / away, at.z / away);
     size_t count = (size_t)cells.x * cells.y * cells.z;
     uint channels = bound->params->channels;
     uint values = bound->params->bands * bound->params->bands * channels;
     if (bound->params->light_begin == 0u) {
         for (uint value = 0u; value < values; value++) {
-            bound->moments[value * count + cell] = 0.0f;
+            put((F)(0.0f), bound->moments + value * count + first, LANE, marked);
         }
     }
-    float basis[HARMONICS_MAX];
+    F basis[HARMONICS_MAX];
     for (uint i = bound->params->light_begin; i < bound->params->light_end; i++) {
         Incident light = incident(bound, i, d, t);
-        float3 power = arriving(bound, i, &light, at, index);
-        if (max(power.x, max(power.y, power.z)) <= 0.0f) {
+        F3 power = arriving(bound, i, &light, at, index);
+        if (!any_lane(greater(power.x, greater(power.y, power.z)) > 0.0f)) {
             continue;
         }
         harmonics(bound, light.toward, bound->params->bands, basis);
-        float powers[3] = {power.x, power.y, power.z};
+        F powers[3] = {power.x, power.y, power.z};
         for (uint value = 0u; value < values; value++) {
-            bound->moments[value * count + cell] += powers[value % channels] * basis[value / channels];
+            F sent = powers[value % channels] * basis[value / channels];
+            add_to(sent, bound->moments + value * count + first, LANE, marked);
         }
     }
 }
 
-// What a light brings to a place, `at` in metres from the box's centre.
-float3 arriving(const Bound *bound, uint i, const Incident *light, float3 at, float3 index) {
-    if (light->falloff <= 0.0f) {
-        return (float3)(0.0f);
-    }
-    if (bound->params->visibility == 1u) {
+// What a light brings to places, `at` in metres from the box's centre.
+F3 arriving(const Bound *bound, uint i, const Incident *light, F3 at, F3 index) {
+    M lit = light->falloff > 0.0f;
+    if (bound->params->visibility == 1u && any_lane(lit)) {
         float margin = MESH_MARGIN * bound->params->mesh_eye.w;
-        Line free = line(at + bound->params->mesh_eye.xyz, light->toward);
-        if (blocked(bound, &free, light->distance - margin)) {
-            return (float3)(0.0f);
-        }
+        Line free = line(add3(at, all3(bound->params->mesh_eye.xyz)), light->toward);
+        lit &= !blocked(bound, &free, light->distance - margin, lit);
+    }
+    if (!any_lane(lit)) {
+        return all3((float3)(0.0f));
     }
     float3 size = convert_float3(bound->params->dims.xyz);
-    float longest = bound->params->cell.w;
-    Ray way = through(index, to_index(bound, light->toward), size, light->distance, longest);
-    float3 transmittance = exp(-column(bound, &way, blocks(bound)) * bound->params->extinction.xyz);
-    return light->falloff * bound->lights[i].power.xyz * transmittance;
+    Ray way = through(index, to_index(bound, light->toward), size, light->distance, bound->params->cell.w);
+    F optical = column(bound, &way, blocks(bound), lit);
+    float3 sigma = bound->params->extinction.xyz;
+    F3 transmittance = f3(exp_negative(-optical * sigma.x), exp_negative(-optical * sigma.y),
+                          exp_negative(-optical * sigma.z));
+    F3 power = mul3(scale3(all3(bound->lights[i].power.xyz), light->falloff), transmittance);
+    return pick3(lit, power, all3((float3)(0.0f)));
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.

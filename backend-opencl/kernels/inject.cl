@@ -1,16 +1,24 @@
 // `inject`: the density of a medium that is described instead of sampled. One work-item a column of a brick's samples
-// along z.
+// along z, or a brick where packets are wide.
 
-float3 place(const Bound *bound, uint3 at);
-void gaussians(const Bound *bound, uint3 at, uint3 brick, float *sums);
+// Packets of a work-item, and samples of the brick from each to the next; the brick's samples are x fastest, then y.
+#define PACKETS (WIDTH == 1 ? BRICK : BRICK * BRICK * BRICK / WIDTH)
+#define STRIDE (WIDTH == 1 ? BRICK * BRICK : WIDTH)
+
+F3 place(const Bound *bound, U x, U y, U z);
+void gaussians(const Bound *bound, uint3 at, uint3 brick, F *sums);
 
 void run_inject(const Bound *bound) {
-    size_t n = number();
-    uint lane = (uint)(n % (BRICK * BRICK));
-    if (n / (BRICK * BRICK) >= bound->launch->count) {
+    size_t n = number() / WIDTH;
+    uint lane = 0u;
+    if (WIDTH == 1) {
+        lane = (uint)(n % (BRICK * BRICK));
+        n /= BRICK * BRICK;
+    }
+    if (n >= bound->launch->count) {
         return;
     }
-    uint unit = bound->launch->start + (uint)(n / (BRICK * BRICK));
+    uint unit = bound->launch->start + (uint)n;
     uint4 bricks = bound->params->bricks;
     uint3 brick = (uint3)(unit % bricks.x, unit / bricks.x % bricks.y, unit / bricks.x / bricks.y);
     uint3 at = brick * BRICK + (uint3)(lane % BRICK, lane / BRICK, 0u);
@@ -18,61 +26,147 @@ void run_inject(const Bound *bound) {
     if (at.x >= dims.x || at.y >= dims.y) {
         return;
     }
-    uint high = min(BRICK, dims.z - at.z);
-    size_t slice = (size_t)dims.x * dims.y;
-    size_t first = at.z * slice + (size_t)at.y * dims.x + at.x;
-    if (dims.w == INJECT_GAUSSIANS) {
-        float sums[BRICK];
-        for (uint k = 0; k < BRICK; k++) {
+    F sums[PACKETS];
+    for (uint k = 0u; k < PACKETS; k++) {
+        sums[k] = (F)(0.0f);
+        if (dims.w == INJECT_GAUSSIANS && bound->params->list_begin > 0u) {
             // What the passes before left.
-            sums[k] = bound->params->list_begin > 0u && k < high ? bound->injected[first + k * slice] : 0.0f;
+            U sample = k * STRIDE + LANE;
+            U x = min(at.x + sample % BRICK, (U)(dims.x - 1u));
+            U y = min(at.y + sample / BRICK % BRICK, (U)(dims.y - 1u));
+            U z = min(at.z + sample / BRICK / BRICK, (U)(dims.z - 1u));
+            sums[k] = fetch(bound->injected, (z * dims.y + y) * dims.x + x);
         }
-        gaussians(bound, at, brick, sums);
-        for (uint k = 0; k < high; k++) {
-            bound->injected[first + k * slice] = fmin(sums[k], DENSITY_MAX);
-        }
-        return;
     }
-    for (uint k = 0; k < high; k++) {
-        float3 p = place(bound, at + (uint3)(0u, 0u, k));
-        float value = bound->params->density;
-        if (dims.w == INJECT_HEIGHT_FOG) {
-            value *= exp(-fmax(p.y, 0.0f));
-        } else {
-            if (has_base) {
-                value = texel_base(bound, convert_int3(at + (uint3)(0u, 0u, k)), convert_int3(dims.xyz), 0);
+    if (dims.w == INJECT_GAUSSIANS) {
+        gaussians(bound, at, brick, sums);
+    }
+    for (uint k = 0u; k < PACKETS; k++) {
+        U sample = k * STRIDE + LANE;
+        U x = at.x + sample % BRICK;
+        U y = at.y + sample / BRICK % BRICK;
+        U z = at.z + sample / BRICK / BRICK;
+        M kept = (x < dims.x) & (y < dims.y) & (z < dims.z);
+        x = min(x, (U)(dims.x - 1u));
+        y = min(y, (U)(dims.y - 1u));
+        z = min(z, (U)(dims.z - 1u));
+        F value = sums[k];
+        if (dims.w != INJECT_GAUSSIANS) {
+            F3 p = place(bound, x, y, z);
+            value = (F)(bound->params->density);
+            if (dims.w == INJECT_HEIGHT_FOG) {
+                value *= exp_negative(-greater(p.y, (F)(0.0f)));
+            } else {
+                if (has_base) {
+                    value = texels_base(bound, as_signed(x), as_signed(y), as_signed(z), convert_int3(dims.xyz), 0);
+                }
+                value *= noise_factor(p, bound->params->octaves, bound->params->seed, bound->params->contrast);
             }
-            value *= noise_factor(p, bound->params->octaves, bound->params->seed, bound->params->contrast);
         }
-        bound->injected[first + k * slice] = fmin(value, DENSITY_MAX);
+        int marked[WIDTH];
+        unpack(kept, marked);
+        put(lesser(value, (F)(DENSITY_MAX)), bound->injected, (z * dims.y + y) * dims.x + x, marked);
     }
 }
 
-// The place of a sample.
-float3 place(const Bound *bound, uint3 at) {
-    float4 i = (float4)(convert_float3(at), 1.0f);
-    return (float3)(dot(bound->params->place_x, i), dot(bound->params->place_y, i), dot(bound->params->place_z, i));
+// The places of samples.
+F3 place(const Bound *bound, U x, U y, U z) {
+    F3 i = f3(to_float(x), to_float(y), to_float(z));
+    float4 along_x = bound->params->place_x;
+    float4 along_y = bound->params->place_y;
+    float4 along_z = bound->params->place_z;
+    return f3(dot3(all3(along_x.xyz), i) + along_x.w, dot3(all3(along_y.xyz), i) + along_y.w,
+              dot3(all3(along_z.xyz), i) + along_z.w);
 }
 
 // e^-q, or 0 from INJECT_FAR on.
-float bell(float q) {
-    return q < INJECT_FAR ? exp(-q) : 0.0f;
+F bell(F q) {
+    return q < INJECT_FAR ? exp_negative(-q) : (F)(0.0f);
 }
 
-// Adds the Gaussians of a brick's list to a column of samples.
-void gaussians(const Bound *bound, uint3 at, uint3 brick, float *sums) {
+#if WIDTH > 1
+
+// Eight lanes, again in all of a packet's eights; and one value in each of its eights.
+#if WIDTH == 8
+#define EIGHTS(v) (v)
+#define EACH_EIGHT(of, n) ((F)((of)[n]))
+#else
+#define EIGHTS(v) ((F)(v, v))
+#define EACH_EIGHT(of, n) ((F)((float8)((of)[2u * (n)]), (float8)((of)[2u * (n) + 1u])))
+#endif
+
+// Packets of a slice of a brick, and of its 24 places along x, y and z.
+#define SLICE (BRICK * BRICK / WIDTH)
+#define SIDES ((3u * BRICK + WIDTH - 1u) / WIDTH)
+
+// Where the lattice's edges stand at right angles, the exponential of a sum of three squares along them is a product of
+// three, and a brick takes 24 exponentials for a Gaussian in place of 512.
+void separate(const Bound *bound, uint3 at, uint begin, uint end, F *sums) {
+    float3 x = (float3)(bound->params->place_x.x, bound->params->place_y.x, bound->params->place_z.x);
+    float3 y = (float3)(bound->params->place_x.y, bound->params->place_y.y, bound->params->place_z.y);
+    float3 z = (float3)(bound->params->place_x.z, bound->params->place_y.z, bound->params->place_z.z);
+    float3 edge = (float3)(sqrt(dot(x, x)), sqrt(dot(y, y)), sqrt(dot(z, z)));
+    float4 i = (float4)(convert_float3(at), 1.0f);
+    float3 corner =
+        (float3)(dot(bound->params->place_x, i), dot(bound->params->place_y, i), dot(bound->params->place_z, i));
+    // Metres from the brick's first sample, along x, then y, then z.
+    F metres[SIDES];
+    M first[SIDES];
+    M second[SIDES];
+    for (uint n = 0u; n < SIDES; n++) {
+        U side = n * WIDTH + LANE;
+        first[n] = side < BRICK;
+        second[n] = side < 2u * BRICK;
+        metres[n] = to_float(side % BRICK) * (first[n] ? (F)(edge.x) : second[n] ? (F)(edge.y) : (F)(edge.z));
+    }
+    for (uint entry = begin; entry < end; entry++) {
+        BlobRecord blob = bound->blobs[bound->list[entry]];
+        float3 d = corner - blob.center.xyz;
+        float3 t = (float3)(dot(d, x), dot(d, y), dot(d, z)) / edge;
+        float bells[SIDES * WIDTH];
+        for (uint n = 0u; n < SIDES; n++) {
+            F q = metres[n] + (first[n] ? (F)(t.x) : second[n] ? (F)(t.y) : (F)(t.z));
+            unpack(bell(q * q * blob.center.w), bells + n * WIDTH);
+        }
+        F across = EIGHTS(vload8(0, bells)) * blob.amplitude.x;
+        F down[SLICE];
+        for (uint n = 0u; n < SLICE; n++) {
+            down[n] = EACH_EIGHT(bells + BRICK, n);
+        }
+        for (uint k = 0u; k < BRICK; k++) {
+            F level = across * bells[2u * BRICK + k];
+            for (uint n = 0u; n < SLICE; n++) {
+                sums[k * SLICE + n] += level * down[n];
+            }
+        }
+    }
+}
+
+#endif
+
+// Adds the Gaussians of a brick's list to the samples of a work-item.
+void gaussians(const Bound *bound, uint3 at, uint3 brick, F *sums) {
     uint3 bin = brick >> bound->params->bricks.w;
     uint number = (bin.z * bound->params->bins.y + bin.y) * bound->params->bins.x + bin.x;
     uint start = bound->starts[number];
     uint entries = bound->starts[number + 1u] - start;
-    float3 first = place(bound, at);
-    float3 up = (float3)(bound->params->place_x.z, bound->params->place_y.z, bound->params->place_z.z);
-    for (uint i = bound->params->list_begin; i < min(bound->params->list_end, entries); i++) {
-        BlobRecord blob = bound->blobs[bound->list[start + i]];
-        float3 from_center = first - blob.center.xyz;
-        for (uint k = 0; k < BRICK; k++) {
-            float3 d = from_center + convert_float(k) * up;
-            sums[k] += bell(dot(d, d) * blob.center.w) * blob.amplitude.x;
+    uint begin = start + min(bound->params->list_begin, entries);
+    uint end = start + min(bound->params->list_end, entries);
+#if WIDTH > 1
+    if (bound->params->bins.w > 0u) {
+        separate(bound, at, begin, end, sums);
+        return;
+    }
+#endif
+    for (uint k = 0u; k < PACKETS; k++) {
+        U sample = k * STRIDE + LANE;
+        F3 p = place(bound, at.x + sample % BRICK, at.y + sample / BRICK % BRICK, at.z + sample / BRICK / BRICK);
+        F sum = sums[k];
+        for (uint entry = begin; entry < end; entry++) {
+            BlobRecord blob = bound->blobs[bound->list[entry]];
+            F3 d = sub3(p, all3(blob.center.xyz));
+            sum += bell(dot3(d, d) * blob.center.w) * blob.amplitude.x;
         }
+        sums[k] = sum;
     }
 }

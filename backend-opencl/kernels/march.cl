@@ -1,41 +1,72 @@
-// `march`: view rays through the medium. One work-item a pixel; those of a block of BLOCK x BLOCK pixels are in a row.
+// `march`: view rays through the medium. One work-item a packet of pixels, ACROSS by DOWN; those of a block of BLOCK x BLOCK
+// pixels are in a row.
 
-// One view ray.
+#define ACROSS (WIDTH == 1 ? 1u : 4u)
+#define DOWN (WIDTH / ACROSS)
+
+// One view ray of each lane.
 typedef struct {
-    float3 direction;
+    F3 direction;
     Ray ray;
-    float3 radiance;
-    float3 transmittance;
+    F3 radiance;
+    F3 transmittance;
     // Light stopped so far, and the same weighed with its distance.
-    float stopped;
-    float stopped_at;
+    F stopped;
+    F stopped_at;
 } Path;
 
 // What the medium does to light at a point, per channel: extinction and scattering in 1/m, emission in W m^-3 sr^-1.
 typedef struct {
-    float3 extinction;
-    float3 scattering;
-    float3 emission;
+    F3 extinction;
+    F3 scattering;
+    F3 emission;
 } Optics;
 
-bool rim(const Bound *bound, uint x, uint y);
-float jitter(const Bound *bound, uint x, uint y, uint s);
-Path enter(const Bound *bound, float3 direction, float limit, float place);
-void resume(const Bound *bound, Path *path, size_t pixel);
-void keep(const Bound *bound, const Path *path, size_t pixel);
+M rim(const Bound *bound, U x, U y);
+F jitter(const Bound *bound, U x, U y, uint s);
+Path enter(const Bound *bound, F3 direction, F limit, F place);
+void resume(const Bound *bound, Path *path, U pixel);
+void keep(const Bound *bound, const Path *path, U pixel, M kept);
 void walk(const Bound *bound, Path *path);
 uint4 blocks(const Bound *bound);
-float3 gathered(const Bound *bound, float3 at, const float *basis);
+F3 gathered(const Bound *bound, F3 at, const float *basis, M dense);
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
-float3 scattered_light(const Bound *bound, float3 at, const float *basis);
-float3 direct(const Bound *bound, float3 at, float3 direction, float t);
-float visibility(const Bound *bound, uint i, const Incident *light, float3 d, float t);
-float mapped(const Bound *bound, const LightRecord *record, const Incident *light, float3 at);
-float4 light_depths(const Bound *bound, float3 at, uint layer);
-Optics optics(const Bound *bound, float3 at, int3 size);
+F3 scattered_light(const Bound *bound, F3 at, const float *basis, M dense);
+F3 direct(const Bound *bound, F3 at, F3 direction, F t, M dense);
+F visibility(const Bound *bound, uint i, const Incident *light, F3 d, F t, M lit);
+F mapped(const Bound *bound, const LightRecord *record, const Incident *light, F3 at);
+void light_depths(const Bound *bound, F3 at, uint layer, M dense, F *depths);
+Optics optics(const Bound *bound, F3 at, int3 size, M active);
 
-float phase_value(const Bound *bound, uint i) {
-    return bound->tables[bound->params->phase_at + i];
+// Two vectors of each lane's pixel, of the film or of the paths under way.
+void store(__global float4 *to, U pixel, M kept, F3 color, F fourth, F3 transmitted, F eighth) {
+    __global float *out = (__global float *)to;
+    int marked[WIDTH];
+    unpack(kept, marked);
+    put(color.x, out, 8u * pixel, marked);
+    put(color.y, out, 8u * pixel + 1u, marked);
+    put(color.z, out, 8u * pixel + 2u, marked);
+    put(fourth, out, 8u * pixel + 3u, marked);
+    put(transmitted.x, out, 8u * pixel + 4u, marked);
+    put(transmitted.y, out, 8u * pixel + 5u, marked);
+    put(transmitted.z, out, 8u * pixel + 6u, marked);
+    put(eighth, out, 8u * pixel + 7u, marked);
+}
+
+// Columns or rows of the full picture.
+U full(U n, uint scale, uint size) {
+    U at = n * scale + scale / 2u;
+    return at < size ? at : (U)(size - 1u);
+}
+
+// Three values of each lane, `pitch` floats a pixel, from the `first` on.
+F3 load(__global const float4 *from, U pixel, uint pitch, uint first) {
+    __global const float *in = (__global const float *)from + first;
+    return f3(fetch(in, pitch * pixel), fetch(in, pitch * pixel + 1u), fetch(in, pitch * pixel + 2u));
+}
+
+F phase_value(const Bound *bound, I i) {
+    return fetch(bound->tables + bound->params->phase_at, i);
 }
 
 uint phase_size(const Bound *bound) {
@@ -48,7 +79,7 @@ float harmonics_value(const Bound *bound, uint i) {
 
 void run_march(const Bound *bound) {
     size_t n = number() / (BLOCK * BLOCK);
-    uint lane = (uint)(number() % (BLOCK * BLOCK));
+    uint first = (uint)(number() % (BLOCK * BLOCK)) / WIDTH;
     if (n >= bound->launch->count) {
         return;
     }
@@ -56,202 +87,219 @@ void run_march(const Bound *bound) {
     uint width = bound->params->width;
     uint height = bound->params->height;
     uint across = (width + BLOCK - 1u) / BLOCK;
-    uint x = block % across * BLOCK + lane % BLOCK;
-    uint y = block / across * BLOCK + lane / BLOCK;
-    if (x >= width || y >= height) {
+    U x = block % across * BLOCK + first % (BLOCK / ACROSS) * ACROSS + LANE % ACROSS;
+    U y = block / across * BLOCK + first / (BLOCK / ACROSS) * DOWN + LANE / ACROSS;
+    M kept = (x < width) & (y < height);
+    if (!any_lane(kept)) {
         return;
     }
-    size_t pixel = (size_t)y * width + x;
-    if (bound->params->alone == ALONE_RIMS && !rim(bound, x, y)) {
-        bound->film[2u * pixel] = (float4)(0.0f, 0.0f, 0.0f, UNMARCHED);
-        bound->film[2u * pixel + 1u] = (float4)(1.0f, 1.0f, 1.0f, INFINITY);
-        return;
+    // Lanes past the edge repeat the last pixels, and keep nothing.
+    x = x < width ? x : (U)(width - 1u);
+    y = y < height ? y : (U)(height - 1u);
+    U pixel = y * width + x;
+    M marched = kept;
+    if (bound->params->alone == ALONE_RIMS) {
+        marched &= rim(bound, x, y);
+        F3 one = all3((float3)(1.0f));
+        store(bound->film, pixel, kept & !marched, all3((float3)(0.0f)), (F)(UNMARCHED), one, (F)(INFINITY));
+        if (!any_lane(marched)) {
+            return;
+        }
     }
-    // The same pixel of the full picture.
+    // The same pixels of the full picture.
     uint scale = bound->params->scale;
     uint full_width = bound->params->full_width;
     uint full_height = bound->params->full_height;
-    uint fx = min(x * scale + scale / 2u, full_width - 1u);
-    uint fy = min(y * scale + scale / 2u, full_height - 1u);
-    size_t full = (size_t)fy * full_width + fx;
-    float3 color = (float3)(0.0f);
-    float3 transmitted = (float3)(0.0f);
-    float stopped = 0.0f;
-    float stopped_at = 0.0f;
+    U fx = full(x, scale, full_width);
+    U fy = full(y, scale, full_height);
+    uint each = bound->params->surface_samples;
+    U surface = (fy * full_width + fx) * each;
+    F3 color = all3((float3)(0.0f));
+    F3 transmitted = all3((float3)(0.0f));
+    F stopped = (F)(0.0f);
+    F stopped_at = (F)(0.0f);
     if (bound->params->sample_begin > 0u) {
         // The sums of the passes before.
-        float4 sums = bound->film[2u * pixel];
-        float4 more = bound->film[2u * pixel + 1u];
-        color = sums.xyz;
-        stopped = sums.w;
-        transmitted = more.xyz;
-        stopped_at = more.w;
+        __global const float *film = (__global const float *)bound->film;
+        color = load(bound->film, pixel, 8u, 0u);
+        stopped = fetch(film, 8u * pixel + 3u);
+        transmitted = load(bound->film, pixel, 8u, 4u);
+        stopped_at = fetch(film, 8u * pixel + 7u);
     }
     bool ends = bound->params->step_end == ALL_STEPS;
     for (uint s = bound->params->sample_begin; s < bound->params->sample_end; s++) {
-        float a = (convert_float(fx) + bound->tables[2u * s]) * (2.0f / convert_float(full_width)) - 1.0f;
-        float b = 1.0f - (convert_float(fy) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(full_height));
-        float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
-        float3 direction = toward / sqrt(dot(toward, toward));
-        float4 seen = (float4)(0.0f, 0.0f, 0.0f, FAR);
+        F a = (to_float(fx) + bound->tables[2u * s]) * (2.0f / convert_float(full_width)) - 1.0f;
+        F b = 1.0f - (to_float(fy) + bound->tables[2u * s + 1u]) * (2.0f / convert_float(full_height));
+        F3 toward = add3(add3(scale3(all3(bound->params->right.xyz), a), scale3(all3(bound->params->up.xyz), b)),
+                         all3(bound->params->forward.xyz));
+        F size = sqrt(dot3(toward, toward));
+        F3 direction = f3(toward.x / size, toward.y / size, toward.z / size);
+        F limit = (F)(FAR);
         if (has_surface) {
-            uint each = bound->params->surface_samples;
-            seen = bound->surface[full * each + s % each];
+            limit = lesser(fetch((__global const float *)bound->surface, 4u * (surface + s % each) + 3u), limit);
         }
-        float limit = fmin(seen.w, FAR);
-        Path path = enter(bound, direction, limit, jitter(bound, x, y, s));
+        Path path = enter(bound, direction, marched ? limit : (F)(0.0f), jitter(bound, x, y, s));
         if (has_paths && bound->params->step_begin > 0u) {
             resume(bound, &path, pixel);
         }
         walk(bound, &path);
         if (has_paths && !ends) {
-            keep(bound, &path, pixel);
+            keep(bound, &path, pixel, marched);
             return;
         }
-        float3 behind = (float3)(0.0f);
-        if (bound->params->alone != ALONE_NO) {
-            behind = (float3)(0.0f);
-        } else if (limit < FAR) {
-            behind = seen.xyz;
-        } else if (has_environment) {
-            behind = sky(bound, direction);
+        F3 behind = all3((float3)(0.0f));
+        if (bound->params->alone == ALONE_NO) {
+            if (has_environment) {
+                behind = sky(bound, direction);
+            }
+            if (has_surface) {
+                behind = pick3(limit < FAR, load(bound->surface, surface + s % each, 4u, 0u), behind);
+            }
         }
-        color += path.radiance + path.transmittance * behind;
-        transmitted += path.transmittance;
+        color = add3(color, add3(path.radiance, mul3(path.transmittance, behind)));
+        transmitted = add3(transmitted, path.transmittance);
         stopped += path.stopped;
         stopped_at += path.stopped_at;
     }
     if (bound->params->sample_end < bound->params->samples) {
-        bound->film[2u * pixel] = (float4)(color, stopped);
-        bound->film[2u * pixel + 1u] = (float4)(transmitted, stopped_at);
+        store(bound->film, pixel, marched, color, stopped, transmitted, stopped_at);
         return;
     }
     float share = 1.0f / convert_float(bound->params->samples);
-    float mean = (transmitted.x + transmitted.y + transmitted.z) * (share / 3.0f);
-    float depth = stopped > 0.0f ? stopped_at / stopped : INFINITY;
-    float last = 1.0f - mean;
+    F mean = (transmitted.x + transmitted.y + transmitted.z) * (share / 3.0f);
+    F depth = stopped > 0.0f ? stopped_at / stopped : (F)(INFINITY);
+    F last = 1.0f - mean;
     if (bound->params->alone != ALONE_NO) {
-        last = FAR;
+        last = (F)(FAR);
         if (has_surface) {
-            last = fmin(bound->surface[full * bound->params->surface_samples].w, FAR);
+            last = lesser(fetch((__global const float *)bound->surface, 4u * surface + 3u), last);
         }
     }
-    bound->film[2u * pixel] = (float4)(color * share, last);
-    bound->film[2u * pixel + 1u] = (float4)(transmitted * share, depth);
+    store(bound->film, pixel, marched, scale3(color, (F)(share)), last, scale3(transmitted, (F)(share)), depth);
 }
 
 // Whether a rim is near a pixel: of the surfaces of five by five pixels around, the nearest and the farthest.
-bool rim(const Bound *bound, uint x, uint y) {
+M rim(const Bound *bound, U x, U y) {
     uint scale = bound->params->scale;
     uint full_width = bound->params->full_width;
-    float nearest = FAR;
-    float farthest = 0.0f;
+    F nearest = (F)(FAR);
+    F farthest = (F)(0.0f);
     for (uint i = 0u; i < 25u; i++) {
-        uint column = min(max(x + i % 5u, 2u) - 2u, bound->params->width - 1u);
-        uint row = min(max(y + i / 5u, 2u) - 2u, bound->params->height - 1u);
-        uint fx = min(column * scale + scale / 2u, full_width - 1u);
-        uint fy = min(row * scale + scale / 2u, bound->params->full_height - 1u);
-        float distance = FAR;
+        U column = min(max(x + i % 5u, (U)(2u)) - 2u, (U)(bound->params->width - 1u));
+        U row = min(max(y + i / 5u, (U)(2u)) - 2u, (U)(bound->params->height - 1u));
+        F distance = (F)(FAR);
         if (has_surface) {
-            distance = fmin(bound->surface[(size_t)fy * full_width + fx].w, FAR);
+            U pixel = full(row, scale, bound->params->full_height) * full_width + full(column, scale, full_width);
+            distance = lesser(fetch((__global const float *)bound->surface, 4u * pixel + 3u), distance);
         }
-        nearest = fmin(nearest, distance);
-        farthest = fmax(farthest, distance);
+        nearest = lesser(nearest, distance);
+        farthest = greater(farthest, distance);
     }
     return nearest < MARCH_RIM * farthest;
 }
 
 // Where the samples of a sub-pixel position of a pixel lie within their steps.
-float jitter(const Bound *bound, uint x, uint y, uint s) {
+F jitter(const Bound *bound, U x, U y, uint s) {
     if (bound->params->jittered == 0u) {
-        return 0.5f;
+        return (F)(0.5f);
     }
     uint at = bound->params->jitter_at;
-    uint pixel = y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
-    float place = bound->tables[at + bound->params->samples + pixel] + bound->tables[at + s] + bound->params->jitter_offset;
+    U pixel = y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
+    F place = fetch(bound->tables + at + bound->params->samples, pixel) + bound->tables[at + s] + bound->params->jitter_offset;
     return place - floor(place);
 }
 
-// The path along `direction` before its first step.
-Path enter(const Bound *bound, float3 direction, float limit, float place) {
-    float3 index = to_index(bound, direction);
+// The paths along `direction` before their first step.
+Path enter(const Bound *bound, F3 direction, F limit, F place) {
+    F3 index = to_index(bound, direction);
+    float3 size = convert_float3(bound->params->dims.xyz);
     Path path;
     path.direction = direction;
-    path.ray = through(bound->params->eye.xyz, index, convert_float3(bound->params->dims.xyz), limit, bound->params->step);
+    path.ray = through(all3(bound->params->eye.xyz), index, size, limit, bound->params->step);
     if (bound->params->steps > 0u) {
         path.ray = in_steps(path.ray, convert_float(bound->params->steps));
     }
     path.ray.place = place;
-    path.radiance = (float3)(0.0f);
-    path.transmittance = (float3)(1.0f);
-    path.stopped = 0.0f;
-    path.stopped_at = 0.0f;
+    path.radiance = all3((float3)(0.0f));
+    path.transmittance = all3((float3)(1.0f));
+    path.stopped = (F)(0.0f);
+    path.stopped_at = (F)(0.0f);
     return path;
 }
 
-// The path as an earlier pass left it.
-void resume(const Bound *bound, Path *path, size_t pixel) {
-    float4 light = bound->paths[2u * pixel];
-    float4 through = bound->paths[2u * pixel + 1u];
-    path->radiance = light.xyz;
-    path->stopped = light.w;
-    path->transmittance = through.xyz;
-    path->stopped_at = through.w;
+// The paths as an earlier pass left them.
+void resume(const Bound *bound, Path *path, U pixel) {
+    __global const float *paths = (__global const float *)bound->paths;
+    path->radiance = load(bound->paths, pixel, 8u, 0u);
+    path->stopped = fetch(paths, 8u * pixel + 3u);
+    path->transmittance = load(bound->paths, pixel, 8u, 4u);
+    path->stopped_at = fetch(paths, 8u * pixel + 7u);
 }
 
-// Leaves the path to the next pass.
-void keep(const Bound *bound, const Path *path, size_t pixel) {
-    bound->paths[2u * pixel] = (float4)(path->radiance, path->stopped);
-    bound->paths[2u * pixel + 1u] = (float4)(path->transmittance, path->stopped_at);
+// Leaves the paths to the next pass.
+void keep(const Bound *bound, const Path *path, U pixel, M kept) {
+    store(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_at);
 }
 
 // The steps of this pass.
 void walk(const Bound *bound, Path *path) {
     int3 size = convert_int3(bound->params->dims.xyz);
-    float3 direction = path->direction;
+    F3 direction = path->direction;
     const Ray ray = path->ray;
-    // Y_k of the direction, where the in-scatter has layers.
-    float basis[HARMONICS_MAX];
+    // Y_k of the direction, where the in-scatter has layers, lane by lane.
+    float basis[HARMONICS_MAX * WIDTH];
     if (max(bound->params->cells.w, bound->params->scattered_cells.w) > 1u) {
-        harmonics(bound, direction, bound->params->bands, basis);
+        F values[HARMONICS_MAX];
+        uint bands = bound->params->bands;
+        harmonics(bound, direction, bands, values);
+        for (uint k = 0u; k < bands * bands; k++) {
+            unpack(values[k], basis + k * WIDTH);
+        }
     }
     float3 albedo = bound->params->albedo.xyz;
     float3 sigma = bound->params->extinction.xyz;
     bool scatters = albedo.x + albedo.y + albedo.z > 0.0f;
     bool grey = sigma.x == sigma.y && sigma.x == sigma.z;
     uint4 grid = blocks(bound);
-    float last = fmin(ray.steps, convert_float(bound->params->step_end));
+    float last = fmin(largest_lane(ray.steps), convert_float(bound->params->step_end));
     float k = convert_float(bound->params->step_begin);
     while (k < last) {
-        float3 transmittance = path->transmittance;
-        if (max(max(transmittance.x, transmittance.y), transmittance.z) < bound->params->cut) {
+        F3 transmittance = path->transmittance;
+        F brightest = greater(greater(transmittance.x, transmittance.y), transmittance.z);
+        M active = (k < ray.steps) & (brightest >= bound->params->cut);
+        if (!any_lane(active)) {
             break;
         }
-        float t = middle(&ray, k);
+        F t = middle(&ray, k);
         if (has_occupancy) {
-            float next = skip(bound, &ray, t, k, grid);
+            float next = skip(bound, &ray, t, k, grid, active);
             if (next >= 0.0f) {
                 k = next;
                 continue;
             }
         }
-        float3 at = along(&ray, t);
-        Optics here = optics(bound, at, size);
-        float3 extinction = here.extinction;
-        float3 light = (float3)(0.0f);
-        if (scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f) {
-            light = gathered(bound, at, basis) + scattered_light(bound, at, basis) + direct(bound, at, direction, t);
+        F3 at = along(&ray, t);
+        Optics here = optics(bound, at, size, active);
+        F3 extinction = here.extinction;
+        F3 light = all3((float3)(0.0f));
+        M dense = greater(greater(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f;
+        if (scatters && any_lane(dense)) {
+            light = add3(add3(gathered(bound, at, basis, dense), scattered_light(bound, at, basis, dense)),
+                         direct(bound, at, direction, t, dense));
         }
         // Grey extinction takes one exponential.
-        float2 red = segment(extinction.x * ray.step);
-        float2 green = grey ? red : segment(extinction.y * ray.step);
-        float2 blue = grey ? red : segment(extinction.z * ray.step);
-        float3 mean = (float3)(red.y, green.y, blue.y);
-        float3 sent = here.scattering * light + here.emission;
-        path->radiance += transmittance * ray.step * mean * sent;
-        float3 stopped = transmittance * (extinction * ray.step * mean);
-        path->transmittance = transmittance * (float3)(red.x, green.x, blue.x);
-        float share = stopped.x + stopped.y + stopped.z;
+        F2 red = segment(extinction.x * ray.step);
+        F2 green = red;
+        F2 blue = red;
+        if (!grey) {
+            green = segment(extinction.y * ray.step);
+            blue = segment(extinction.z * ray.step);
+        }
+        F3 reach = mul3(transmittance, scale3(f3(red.y, green.y, blue.y), ray.step));
+        F3 sent = add3(mul3(here.scattering, light), here.emission);
+        path->radiance = add3(path->radiance, mul3(reach, sent));
+        path->transmittance = mul3(transmittance, f3(red.x, green.x, blue.x));
+        F share = dot3(extinction, reach);
         path->stopped += share;
         path->stopped_at += share * t;
         k += 1.0f;
@@ -267,19 +315,33 @@ uint4 blocks(const Bound *bound) {
 }
 
 // J from the field of in-scattered radiance.
-float3 gathered(const Bound *bound, float3 at, const float *basis) {
+F3 gathered(const Bound *bound, F3 at, const float *basis, M dense) {
     if (!has_in_scatter) {
-        return (float3)(0.0f);
+        return all3((float3)(0.0f));
     }
-    float3 place = (at + 0.5f) * bound->params->cells_per_voxel.xyz - 0.5f;
-    if (bound->params->cells.w == 1u) {
-        return in_scatter_at(bound, place, 0u);
+    float3 per_voxel = bound->params->cells_per_voxel.xyz;
+    uint layers = bound->params->cells.w;
+    int marked[WIDTH];
+    float x[WIDTH];
+    float y[WIDTH];
+    float z[WIDTH];
+    unpack(dense, marked);
+    unpack((at.x + 0.5f) * per_voxel.x - 0.5f, x);
+    unpack((at.y + 0.5f) * per_voxel.y - 0.5f, y);
+    unpack((at.z + 0.5f) * per_voxel.z - 0.5f, z);
+    for (uint i = 0u; i < WIDTH; i++) {
+        float3 sum = (float3)(0.0f);
+        if (marked[i]) {
+            float3 place = (float3)(x[i], y[i], z[i]);
+            for (uint k = 0u; k < layers; k++) {
+                sum += (layers == 1u ? 1.0f : basis[k * WIDTH + i]) * in_scatter_at(bound, place, k);
+            }
+        }
+        x[i] = sum.x;
+        y[i] = sum.y;
+        z[i] = sum.z;
     }
-    float3 sum = (float3)(0.0f);
-    for (uint k = 0u; k < bound->params->cells.w; k++) {
-        sum += basis[k] * in_scatter_at(bound, place, k);
-    }
-    return sum;
+    return f3(pack(x), pack(y), pack(z));
 }
 
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
@@ -291,144 +353,201 @@ float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
 }
 
 // J of light that was scattered before.
-float3 scattered_light(const Bound *bound, float3 at, const float *basis) {
+F3 scattered_light(const Bound *bound, F3 at, const float *basis, M dense) {
     if (!has_scattered) {
-        return (float3)(0.0f);
+        return all3((float3)(0.0f));
     }
+    float3 per_voxel = bound->params->scattered_cells_per_voxel.xyz;
     int3 size = convert_int3(bound->params->scattered_cells.xyz);
-    float3 place = (at + 0.5f) * bound->params->scattered_cells_per_voxel.xyz - 0.5f;
     uint layers = bound->params->scattered_cells.w;
-    if (layers == 1u) {
-        return sample_scattered(bound, place, size, 0).xyz;
+    int marked[WIDTH];
+    float x[WIDTH];
+    float y[WIDTH];
+    float z[WIDTH];
+    unpack(dense, marked);
+    unpack((at.x + 0.5f) * per_voxel.x - 0.5f, x);
+    unpack((at.y + 0.5f) * per_voxel.y - 0.5f, y);
+    unpack((at.z + 0.5f) * per_voxel.z - 0.5f, z);
+    for (uint i = 0u; i < WIDTH; i++) {
+        float3 sum = (float3)(0.0f);
+        if (marked[i]) {
+            float3 place = (float3)(x[i], y[i], z[i]);
+            for (uint k = 0u; k < layers; k++) {
+                sum += (layers == 1u ? 1.0f : basis[k * WIDTH + i]) * sample_scattered(bound, place, size, (int)k).xyz;
+            }
+        }
+        x[i] = sum.x;
+        y[i] = sum.y;
+        z[i] = sum.z;
     }
-    float3 sum = (float3)(0.0f);
-    for (uint k = 0u; k < layers; k++) {
-        sum += basis[k] * sample_scattered(bound, place, size, (int)k).xyz;
-    }
-    return sum;
+    return f3(pack(x), pack(y), pack(z));
 }
 
 // J from each light.
-float3 direct(const Bound *bound, float3 at, float3 direction, float t) {
-    float3 sum = (float3)(0.0f);
-    float4 depths = (float4)(0.0f);
+F3 direct(const Bound *bound, F3 at, F3 direction, F t, M dense) {
+    F3 sum = all3((float3)(0.0f));
+    F depths[4];
     bool surface = bound->params->phong.w > 0.0f;
-    float3 away = surface ? normal(bound, at) : (float3)(0.0f);
+    F3 away = all3((float3)(0.0f));
+    if (surface) {
+        away = normal(bound, at);
+    }
+    float3 sigma = bound->params->light_extinction.xyz;
+    bool grey = sigma.x == sigma.y && sigma.x == sigma.z;
     for (uint i = 0u; i < bound->params->lights; i++) {
         if (i % 4u == 0u) {
-            depths = light_depths(bound, at, i / 4u);
-        } else {
-            // The next light's comes first.
-            depths = depths.yzwx;
+            light_depths(bound, at, i / 4u, dense, depths);
         }
         Incident light = incident(bound, i, direction, t);
-        if (light.falloff <= 0.0f) {
+        M lit = dense & (light.falloff > 0.0f);
+        if (!any_lane(lit)) {
             continue;
         }
-        float seen = visibility(bound, i, &light, direction, t);
-        if (seen <= 0.0f) {
+        F seen = visibility(bound, i, &light, direction, t, lit);
+        lit &= seen > 0.0f;
+        if (!any_lane(lit)) {
             continue;
         }
-        float scatters = 0.0f;
+        F scatters;
         if (surface) {
             scatters = phong(bound, away, light.toward, direction);
         } else {
-            scatters = phase(bound, dot(light.toward, direction));
+            scatters = phase(bound, dot3(light.toward, direction));
         }
-        float scale = scatters * light.falloff * seen;
-        float optical = depths.x;
+        F scale = lit ? scatters * light.falloff * seen : (F)(0.0f);
+        F optical = depths[i % 4u];
         uint shadow = bound->params->shadow;
         if (shadow == SHADOW_MARCH || shadow == SHADOW_MEAN) {
             float3 size = convert_float3(bound->params->dims.xyz);
             Ray ray = through(at, to_index(bound, light.toward), size, light.distance, bound->params->step);
-            optical = shadow == SHADOW_MARCH ? column(bound, &ray, blocks(bound)) : optical * (ray.step * ray.steps);
+            if (shadow == SHADOW_MARCH) {
+                optical = column(bound, &ray, blocks(bound), lit);
+            } else {
+                optical = optical * (ray.step * ray.steps);
+            }
         }
-        float3 transmittance = exp(-optical * bound->params->light_extinction.xyz);
-        sum += scale * transmittance * bound->lights[i].power.xyz;
+        F red = exp_negative(-optical * sigma.x);
+        F3 transmittance = f3(red, red, red);
+        if (!grey) {
+            transmittance.y = exp_negative(-optical * sigma.y);
+            transmittance.z = exp_negative(-optical * sigma.z);
+        }
+        sum = add3(sum, mul3(scale3(transmittance, scale), all3(bound->lights[i].power.xyz)));
     }
     return sum;
 }
 
 // How much of light `i` passes by the surfaces, `t` metres along the view ray.
-float visibility(const Bound *bound, uint i, const Incident *light, float3 d, float t) {
+F visibility(const Bound *bound, uint i, const Incident *light, F3 d, F t, M lit) {
     float extent = bound->params->mesh_eye.w;
-    float3 at = bound->params->mesh_eye.xyz + t * d;
+    F3 at = add3(all3(bound->params->mesh_eye.xyz), scale3(d, t));
     if (has_mesh && bound->params->surface_shadow == SURFACE_SHADOW_RAY) {
         Line way = line(at, light->toward);
-        return blocked(bound, &way, light->distance - MESH_MARGIN * extent) ? 0.0f : 1.0f;
+        return blocked(bound, &way, light->distance - MESH_MARGIN * extent, lit) ? (F)(0.0f) : (F)(1.0f);
     }
     if (has_shadow_map && bound->params->surface_shadow == SURFACE_SHADOW_MAP) {
         LightRecord record = bound->lights[i];
         return mapped(bound, &record, light, at);
     }
-    return 1.0f;
+    return (F)(1.0f);
 }
 
-// The same by the light's map, at a point from the mesh's origin: four comparisons, interpolated.
-float mapped(const Bound *bound, const LightRecord *record, const Incident *light, float3 at) {
-    float3 v = at;
-    uint n = 0u;
-    if (record->position.w != 0.0f) {
-        v = -light->distance * light->toward;
+// The same by the light's map, at points from the mesh's origin: four comparisons, interpolated.
+F mapped(const Bound *bound, const LightRecord *record, const Incident *light, F3 at) {
+    bool parallel = record->position.w == 0.0f;
+    F3 v = at;
+    I n = (I)(0);
+    if (!parallel) {
+        v = scale3(light->toward, -light->distance);
         if (record->cone.w == 0.0f) {
             n = side_of(v);
         }
     }
     float extent = bound->params->mesh_eye.w;
     Face of = face(record, n, extent);
-    float depth = dot(v, of.forward);
-    float2 place = (float2)(dot(v, of.right), dot(v, of.up)) / of.half_width;
-    if (record->position.w != 0.0f) {
-        place /= max(depth, 1e-30f);
-    } else {
+    F depth = dot3(v, of.forward);
+    F x = dot3(v, of.right) / of.half_width;
+    F y = dot3(v, of.up) / of.half_width;
+    M beyond = (fabs(x) > 1.0f) | (fabs(y) > 1.0f);
+    if (parallel) {
         depth += extent;
-        if (max(fabs(place.x), fabs(place.y)) > 1.0f) {
-            return 1.0f;
-        }
+    } else {
+        x /= greater(depth, (F)(1e-30f));
+        y /= greater(depth, (F)(1e-30f));
     }
-    uint side = bound->params->map_side;
-    float2 p = (place * 0.5f + 0.5f) * convert_float(side) - 0.5f;
-    p = fmin(fmax(p, (float2)(0.0f)), (float2)(convert_float(side) - 1.0f));
-    uint2 low = convert_uint2(p);
-    float2 f = p - convert_float2(low);
-    uint first = (convert_uint(record->power.w) + n) * side;
-    float sum = 0.0f;
-    for (uint k = 0u; k < 4u; k++) {
-        uint2 high = (uint2)(k & 1u, k >> 1u);
-        float across = high.x == 1u ? f.x : 1.0f - f.x;
-        float down = high.y == 1u ? f.y : 1.0f - f.y;
-        uint2 texel = min(low + high, (uint2)(side - 1u));
-        float held = bound->shadow_map[(size_t)(first + texel.y) * side + texel.x];
-        sum += depth <= held ? across * down : 0.0f;
+    int side = (int)bound->params->map_side;
+    F zero = (F)(0.0f);
+    F top = (F)(convert_float(side) - 1.0f);
+    x = lesser(greater((x * 0.5f + 0.5f) * convert_float(side) - 0.5f, zero), top);
+    y = lesser(greater((y * 0.5f + 0.5f) * convert_float(side) - 0.5f, zero), top);
+    I column = to_int(x);
+    I row = to_int(y);
+    F fx = x - to_float(column);
+    F fy = y - to_float(row);
+    I first = ((int)convert_uint(record->power.w) + n) * side;
+    F sum = zero;
+    for (int k = 0; k < 4; k++) {
+        F across = (k & 1) == 1 ? fx : 1.0f - fx;
+        F down = k >> 1 == 1 ? fy : 1.0f - fy;
+        I i = min(column + (k & 1), (I)(side - 1));
+        I j = min(row + (k >> 1), (I)(side - 1));
+        F held = fetch(bound->shadow_map, (first + j) * side + i);
+        sum += depth <= held ? across * down : zero;
     }
-    return sum;
+    return parallel ? (beyond ? (F)(1.0f) : sum) : sum;
 }
 
 // The field toward four lights; zero without one.
-float4 light_depths(const Bound *bound, float3 at, uint layer) {
-    if (!has_light_depth || bound->params->shadow < SHADOW_COLUMN) {
-        return (float4)(0.0f);
+void light_depths(const Bound *bound, F3 at, uint layer, M dense, F *depths) {
+    float found[4 * WIDTH];
+    for (uint i = 0u; i < 4u * WIDTH; i++) {
+        found[i] = 0.0f;
     }
-    float3 place = (at + 0.5f) * bound->params->light_cells_per_voxel.xyz - 0.5f;
-    return sample_light_depth(bound, place, convert_int3(bound->params->light_cells.xyz), (int)layer);
+    if (has_light_depth && bound->params->shadow >= SHADOW_COLUMN) {
+        float3 per_voxel = bound->params->light_cells_per_voxel.xyz;
+        int3 size = convert_int3(bound->params->light_cells.xyz);
+        int marked[WIDTH];
+        float x[WIDTH];
+        float y[WIDTH];
+        float z[WIDTH];
+        unpack(dense, marked);
+        unpack((at.x + 0.5f) * per_voxel.x - 0.5f, x);
+        unpack((at.y + 0.5f) * per_voxel.y - 0.5f, y);
+        unpack((at.z + 0.5f) * per_voxel.z - 0.5f, z);
+        for (uint i = 0u; i < WIDTH; i++) {
+            if (marked[i]) {
+                float4 four = sample_light_depth(bound, (float3)(x[i], y[i], z[i]), size, (int)layer);
+                found[i] = four.x;
+                found[WIDTH + i] = four.y;
+                found[2 * WIDTH + i] = four.z;
+                found[3 * WIDTH + i] = four.w;
+            }
+        }
+    }
+    for (uint n = 0u; n < 4u; n++) {
+        depths[n] = pack(found + n * WIDTH);
+    }
 }
 
-// The optics at `at` in index space.
-Optics optics(const Bound *bound, float3 at, int3 size) {
-    float density = sample_density(bound, at, size, 0);
-    float3 scatters = (float3)(density);
+// The optics at `at` in index space; lanes that are not active see nothing there.
+Optics optics(const Bound *bound, F3 at, int3 size, M active) {
+    F density = sample_density(bound, at, size, 0);
+    density = active ? density : (F)(0.0f);
+    F3 scatters = f3(density, density, density);
     if (has_scattering) {
-        scatters = sample_scattering(bound, at, size, 0).xyz;
+        scatters = colors_scattering(bound, at, size, active);
     }
-    float3 source = (float3)(density);
+    F3 source = f3(density, density, density);
     if (has_emission_color) {
-        source = sample_emission_color(bound, at, size, 0).xyz;
+        source = colors_emission_color(bound, at, size, active);
     } else if (has_emission_density) {
-        source = (float3)(sample_emission_density(bound, at, size, 0));
+        F value = sample_emission_density(bound, at, size, 0);
+        value = active ? value : (F)(0.0f);
+        source = f3(value, value, value);
     }
     Optics here;
-    here.extinction = density * bound->params->extinction.xyz;
-    here.scattering = scatters * bound->params->extinction.xyz * bound->params->albedo.xyz;
-    here.emission = source * bound->params->emission.xyz;
+    here.extinction = scale3(all3(bound->params->extinction.xyz), density);
+    here.scattering = mul3(scatters, all3(bound->params->extinction.xyz * bound->params->albedo.xyz));
+    here.emission = mul3(source, all3(bound->params->emission.xyz));
     return here;
 }

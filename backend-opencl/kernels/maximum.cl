@@ -12,8 +12,10 @@ float maximum_FIELD(const Bound *bound, uint3 cell) {
     int3 size = convert_int3(bound->params->dims.xyz);
     float3 begin = convert_float3(cell) * side - 0.5f - margin;
     float3 end = convert_float3(cell + 1u) * side - 0.5f + margin;
-    int3 lo = convert_int3(within_FIELD(floor(begin), size));
-    int3 hi = convert_int3(within_FIELD(floor(end) + 1.0f, size));
+    float3 lower = floor(begin);
+    float3 upper = floor(end) + 1.0f;
+    int3 lo = (int3)(within_FIELD(lower.x, size.x), within_FIELD(lower.y, size.y), within_FIELD(lower.z, size.z));
+    int3 hi = (int3)(within_FIELD(upper.x, size.x), within_FIELD(upper.y, size.y), within_FIELD(upper.z, size.z));
     uint across = (uint)(hi.y - lo.y + 1);
     uint rows = across * (uint)(hi.z - lo.z + 1);
     if (uniform_FIELD(bound, lo, hi, size)) {

@@ -1,66 +1,77 @@
 // Rays through a mesh, as core/src/stage/trace.rs lays it out.
 
-// A ray, and directions across it.
+// Rays, and directions across them.
 typedef struct {
-    float3 origin;
+    F3 origin;
     // Unit.
-    float3 direction;
+    F3 direction;
     // One over the direction.
-    float3 inverse;
-    float3 u;
-    float3 v;
+    F3 inverse;
+    F3 u;
+    F3 v;
 } Line;
 
 typedef struct {
     // Metres along, FAR for none.
-    float distance;
-    uint triangle;
+    F distance;
+    I triangle;
     // Of the corners.
-    float3 weights;
+    F3 weights;
 } Hit;
 
-bool meets(const Bound *bound, const Line *of, uint node, float limit);
-float4 crossed(const Bound *bound, const Line *of, uint triangle);
-float3 seen(const Line *of, float3 point);
+// Where rays cross a triangle: metres along, -1 where they do not; weights of the corners.
+typedef struct {
+    F distance;
+    F3 weights;
+} Crossing;
+
+M meets(const Bound *bound, const Line *of, uint node, F limit);
+Crossing crossed(const Bound *bound, const Line *of, uint triangle);
+F3 seen(const Line *of, float3 point);
 float3 place(const Bound *bound, uint record);
 
-// The ray along a unit `direction`, with a frame across it (Duff et al. 2017).
-Line line(float3 origin, float3 direction) {
-    float s = direction.z >= 0.0f ? 1.0f : -1.0f;
-    float a = -1.0f / (s + direction.z);
-    float b = direction.x * direction.y * a;
+// The rays along unit `direction`s, with a frame across each (Duff et al. 2017).
+Line line(F3 origin, F3 direction) {
+    F one = (F)(1.0f);
+    F little = (F)(1e-20f);
+    F s = direction.z >= (F)(0.0f) ? one : -one;
+    F a = -1.0f / (s + direction.z);
+    F b = direction.x * direction.y * a;
     Line of;
     of.origin = origin;
     of.direction = direction;
-    of.u = (float3)(1.0f + s * direction.x * direction.x * a, s * b, -s * direction.x);
-    of.v = (float3)(b, s + direction.y * direction.y * a, -direction.y);
+    of.u = f3(1.0f + s * direction.x * direction.x * a, s * b, -s * direction.x);
+    of.v = f3(b, s + direction.y * direction.y * a, -direction.y);
     // Along a wall of a box: far enough from parallel to divide by.
-    of.inverse = 1.0f / (fabs(direction) < (float3)(1e-20f) ? (float3)(1e-20f) : direction);
+    of.inverse = f3(1.0f / (fabs(direction.x) < little ? little : direction.x),
+                    1.0f / (fabs(direction.y) < little ? little : direction.y),
+                    1.0f / (fabs(direction.z) < little ? little : direction.z));
     return of;
 }
 
-// The nearest triangle within boxes `begin` to `end`, between `least` and `limit` metres along.
-Hit nearest(const Bound *bound, const Line *of, float least, float limit, uint begin, uint end) {
+// The nearest triangles within boxes `begin` to `end`, between `least` and `limit` metres along.
+Hit nearest(const Bound *bound, const Line *of, float least, F limit, uint begin, uint end) {
     Hit found;
-    found.distance = FAR;
-    found.triangle = 0u;
-    found.weights = (float3)(0.0f);
-    float far = limit;
+    found.distance = (F)(FAR);
+    found.triangle = (I)(0);
+    found.weights = all3((float3)(0.0f));
+    F far = limit;
     uint node = begin;
     while (node < end) {
-        if (!meets(bound, of, node, far)) {
+        if (!any_lane(meets(bound, of, node, far))) {
             node = bound->mesh[2u * node].number;
             continue;
         }
         uint leaf = bound->mesh[2u * node + 1u].number;
         uint first = leaf >> MESH_COUNT_BITS;
         for (uint k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
-            float4 at = crossed(bound, of, first + k);
-            if (at.x >= least && at.x < far) {
-                far = at.x;
-                found.distance = far;
-                found.triangle = first + k;
-                found.weights = at.yzw;
+            Crossing at = crossed(bound, of, first + k);
+            M nearer = (at.distance >= least) & (at.distance < far);
+            if (any_lane(nearer)) {
+                far = nearer ? at.distance : far;
+                found.distance = nearer ? at.distance : found.distance;
+                found.triangle = nearer ? (I)((int)(first + k)) : found.triangle;
+                found.weights = pick3(nearer, at.weights, found.weights);
             }
         }
         node++;
@@ -68,60 +79,61 @@ Hit nearest(const Bound *bound, const Line *of, float least, float limit, uint b
     return found;
 }
 
-// Whether a triangle stands within `limit` metres.
-bool blocked(const Bound *bound, const Line *of, float limit) {
+// Where a triangle stands within `limit` metres; lanes that are not active are not asked for.
+M blocked(const Bound *bound, const Line *of, F limit, M active) {
+    M open = active;
     uint node = 0u;
-    while (node < bound->params->nodes) {
-        if (!meets(bound, of, node, limit)) {
+    while (node < bound->params->nodes && any_lane(open)) {
+        if (!any_lane(open & meets(bound, of, node, limit))) {
             node = bound->mesh[2u * node].number;
             continue;
         }
         uint leaf = bound->mesh[2u * node + 1u].number;
         uint first = leaf >> MESH_COUNT_BITS;
         for (uint k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
-            float4 at = crossed(bound, of, first + k);
-            if (at.x >= 0.0f && at.x < limit) {
-                return true;
-            }
+            F at = crossed(bound, of, first + k).distance;
+            open &= !((at >= 0.0f) & (at < limit));
         }
         node++;
     }
-    return false;
+    return active & !open;
 }
 
-// Whether the ray meets a box within `limit` metres.
-bool meets(const Bound *bound, const Line *of, uint node, float limit) {
-    float3 lower = (place(bound, 2u * node) - of->origin) * of->inverse;
-    float3 upper = (place(bound, 2u * node + 1u) - of->origin) * of->inverse;
-    float3 first = min(lower, upper);
-    float3 last = max(lower, upper);
-    float near = max(max(first.x, first.y), max(first.z, 0.0f));
-    float far = min(min(last.x, last.y), min(last.z, limit));
+// Which rays meet a box within `limit` metres.
+M meets(const Bound *bound, const Line *of, uint node, F limit) {
+    F3 lower = mul3(sub3(all3(place(bound, 2u * node)), of->origin), of->inverse);
+    F3 upper = mul3(sub3(all3(place(bound, 2u * node + 1u)), of->origin), of->inverse);
+    F near = greater(greater(lesser(lower.x, upper.x), lesser(lower.y, upper.y)),
+                     greater(lesser(lower.z, upper.z), (F)(0.0f)));
+    F far = lesser(lesser(greater(lower.x, upper.x), greater(lower.y, upper.y)),
+                   lesser(greater(lower.z, upper.z), limit));
     // Distances are good to a few units in the last place.
     return near <= far * 1.000002f;
 }
 
-// Where the ray crosses a triangle: metres along, -1 where it does not; weights of the corners.
-float4 crossed(const Bound *bound, const Line *of, uint triangle) {
+// Where the rays cross a triangle.
+Crossing crossed(const Bound *bound, const Line *of, uint triangle) {
     uint at = 2u * bound->params->nodes + 6u * triangle;
-    float3 a = seen(of, place(bound, at));
-    float3 b = seen(of, place(bound, at + 1u));
-    float3 c = seen(of, place(bound, at + 2u));
-    float3 first = (float3)(b.x * c.y, c.x * a.y, a.x * b.y);
-    float3 second = (float3)(b.y * c.x, c.y * a.x, a.y * b.x);
-    float3 edges = first - second;
-    float3 slack = MESH_SLACK * (fabs(first) + fabs(second));
-    if (!all(edges >= -slack) && !all(edges <= slack)) {
-        return (float4)(-1.0f);
-    }
-    float s = edges.x + edges.y + edges.z >= 0.0f ? 1.0f : -1.0f;
-    float3 inside = max(s * edges, (float3)(0.0f));
-    float sum = inside.x + inside.y + inside.z;
-    if (sum <= 0.0f) {
-        return (float4)(-1.0f);
-    }
-    float3 weights = inside / sum;
-    return (float4)(weights.x * a.z + weights.y * b.z + weights.z * c.z, weights);
+    F3 a = seen(of, place(bound, at));
+    F3 b = seen(of, place(bound, at + 1u));
+    F3 c = seen(of, place(bound, at + 2u));
+    F3 first = f3(b.x * c.y, c.x * a.y, a.x * b.y);
+    F3 second = f3(b.y * c.x, c.y * a.x, a.y * b.x);
+    F3 edges = sub3(first, second);
+    F3 slack = f3(MESH_SLACK * (fabs(first.x) + fabs(second.x)), MESH_SLACK * (fabs(first.y) + fabs(second.y)),
+                  MESH_SLACK * (fabs(first.z) + fabs(second.z)));
+    M left = (edges.x >= -slack.x) & (edges.y >= -slack.y) & (edges.z >= -slack.z);
+    M right = (edges.x <= slack.x) & (edges.y <= slack.y) & (edges.z <= slack.z);
+    F zero = (F)(0.0f);
+    F s = edges.x + edges.y + edges.z >= zero ? (F)(1.0f) : (F)(-1.0f);
+    F3 inside = f3(greater(s * edges.x, zero), greater(s * edges.y, zero), greater(s * edges.z, zero));
+    F sum = inside.x + inside.y + inside.z;
+    M within = (left | right) & (sum > zero);
+    Crossing found;
+    found.weights = f3(inside.x / sum, inside.y / sum, inside.z / sum);
+    F along = found.weights.x * a.z + found.weights.y * b.z + found.weights.z * c.z;
+    found.distance = within ? along : (F)(-1.0f);
+    return found;
 }
 
 // The place of a record.
@@ -130,8 +142,8 @@ float3 place(const Bound *bound, uint record) {
     return (float3)(at.x, at.y, at.z);
 }
 
-// A point across and along the ray.
-float3 seen(const Line *of, float3 point) {
-    float3 p = point - of->origin;
-    return (float3)(dot(p, of->u), dot(p, of->v), dot(p, of->direction));
+// A point across and along the rays.
+F3 seen(const Line *of, float3 point) {
+    F3 p = sub3(all3(point), of->origin);
+    return f3(dot3(p, of->u), dot3(p, of->v), dot3(p, of->direction));
 }

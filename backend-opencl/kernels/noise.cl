@@ -1,61 +1,65 @@
 // Fractal gradient noise.
 
 // Scatters bits.
-uint scatter(uint x) {
+U scatter(U x) {
     x = (x ^ x >> 16) * 0x7feb352du;
     x = (x ^ x >> 15) * 0x846ca68bu;
     return x ^ x >> 16;
 }
 
 // The hash of a corner's index along one more axis.
-uint along(uint index, uint h) {
+U along(U index, U h) {
     return scatter(index + h);
 }
 
 // The scalar product of the gradient that a hash chooses with `t`.
-float slope(uint h, float3 t) {
-    uint kind = h & 15u;
-    float u = kind < 8u ? t.x : t.y;
-    float v = kind < 4u ? t.y : (kind & 13u) == 12u ? t.x : t.z;
+F slope(U h, F3 t) {
+    U kind = h & 15u;
+    F u = kind < 8u ? t.x : t.y;
+    F v = kind < 4u ? t.y : (kind & 13u) == 12u ? t.x : t.z;
     return ((kind & 1u) != 0u ? -u : u) + ((kind & 2u) != 0u ? -v : v);
 }
 
-// The noise on an edge along x: between its corners of index `x.x` and `x.y`, at `t` from the first.
-float edge(uint h, uint2 x, float3 t, float fade) {
-    float left = slope(along(x.x, h), t);
-    float right = slope(along(x.y, h), t - (float3)(1.0f, 0.0f, 0.0f));
+// The noise on an edge along x: between its corners of index `x` and `next`, at `t` from the first.
+F edge(U h, U x, U next, F3 t, F fade) {
+    F left = slope(along(x, h), t);
+    F right = slope(along(next, h), f3(t.x - 1.0f, t.y, t.z));
     return left + (right - left) * fade;
 }
 
 // One octave at `p`, whose components are not negative and repeat after `mask` + 1.
-float octave(float3 p, uint mask, uint seed) {
-    float3 low = floor(p);
-    float3 t = p - low;
-    float3 fade = t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f);
-    uint3 first = convert_uint3_sat(low) & mask;
-    uint3 second = (convert_uint3_sat(low) + 1u) & mask;
-    uint2 x = (uint2)(first.x, second.x);
-    uint z0 = along(first.z, scatter(seed));
-    uint z1 = along(second.z, scatter(seed));
-    float a = edge(along(first.y, z0), x, t, fade.x);
-    float b = edge(along(second.y, z0), x, t - (float3)(0.0f, 1.0f, 0.0f), fade.x);
-    float c = edge(along(first.y, z1), x, t - (float3)(0.0f, 0.0f, 1.0f), fade.x);
-    float d = edge(along(second.y, z1), x, t - (float3)(0.0f, 1.0f, 1.0f), fade.x);
-    float near = a + (b - a) * fade.y;
-    float far = c + (d - c) * fade.y;
+F octave(F3 p, uint mask, U seed) {
+    F3 low = f3(floor(p.x), floor(p.y), floor(p.z));
+    F3 t = sub3(p, low);
+    F3 fade = f3(t.x * t.x * t.x * (t.x * (t.x * 6.0f - 15.0f) + 10.0f), t.y * t.y * t.y * (t.y * (t.y * 6.0f - 15.0f) + 10.0f),
+                 t.z * t.z * t.z * (t.z * (t.z * 6.0f - 15.0f) + 10.0f));
+    U x = to_uint(low.x);
+    U y = to_uint(low.y);
+    U z = to_uint(low.z);
+    U next = (x + 1u) & mask;
+    U z0 = along(z & mask, scatter(seed));
+    U z1 = along((z + 1u) & mask, scatter(seed));
+    x &= mask;
+    F a = edge(along(y & mask, z0), x, next, t, fade.x);
+    F b = edge(along((y + 1u) & mask, z0), x, next, f3(t.x, t.y - 1.0f, t.z), fade.x);
+    F c = edge(along(y & mask, z1), x, next, f3(t.x, t.y, t.z - 1.0f), fade.x);
+    F d = edge(along((y + 1u) & mask, z1), x, next, f3(t.x, t.y - 1.0f, t.z - 1.0f), fade.x);
+    F near = a + (b - a) * fade.y;
+    F far = c + (d - c) * fade.y;
     return near + (far - near) * fade.z;
 }
 
-// max(0, 1 + contrast · n) at `p` in cells of the first octave.
-float noise_factor(float3 p, uint octaves, uint seed, float contrast) {
+// max(0, 1 + contrast * n) at `p` in cells of the first octave.
+F noise_factor(F3 p, uint octaves, uint seed, float contrast) {
     float period = convert_float(NOISE_PERIOD);
-    float3 within = p - floor(p / period) * period;
-    float sum = 0.0f;
+    F3 within = f3(p.x - floor(p.x / period) * period, p.y - floor(p.y / period) * period, p.z - floor(p.z / period) * period);
+    F sum = (F)(0.0f);
     float fineness = 1.0f;
-    for (uint o = 0; o < octaves; o++) {
+    for (uint o = 0u; o < octaves; o++) {
         uint mask = (NOISE_PERIOD << o) - 1u;
-        sum += octave(within * fineness, mask, scatter(seed + (o + 1u) * 0x9e3779b9u)) / fineness;
+        U key = scatter((U)(seed + (o + 1u) * 0x9e3779b9u));
+        sum += octave(scale3(within, (F)(fineness)), mask, key) / fineness;
         fineness *= 2.0f;
     }
-    return fmax(1.0f + sum * contrast, 0.0f);
+    return greater(1.0f + sum * contrast, (F)(0.0f));
 }

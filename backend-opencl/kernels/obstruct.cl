@@ -1,40 +1,51 @@
-// `obstruct`: which of a cell's neighbours lie behind surfaces. One work-item a cell.
+// `obstruct`: which of a cell's neighbours lie behind surfaces. One work-item a packet of cells.
 
-float3 center(const Bound *bound, float3 cell);
+F3 center(const Bound *bound, F3 cell);
 
 void run_obstruct(const Bound *bound) {
     size_t n = number();
     if (n >= bound->launch->count) {
         return;
     }
-    uint index = bound->launch->start + (uint)n;
+    size_t first = bound->launch->start + n;
+    U index = bound->launch->start + elements(n, bound->launch->count);
+    M kept = filled(n, bound->launch->count);
     uint3 cells = bound->params->cells.xyz;
-    float3 cell = convert_float3((uint3)(index % cells.x, index / cells.x % cells.y, index / cells.x / cells.y));
-    float3 origin = center(bound, cell);
-    uint word = 0u;
+    F3 cell = f3(to_float(index % cells.x), to_float(index / cells.x % cells.y), to_float(index / cells.x / cells.y));
+    F3 origin = center(bound, cell);
+    I word = (I)(0);
     if (bound->params->neighbor_begin > 0u) {
         // What the passes before left.
-        word = bound->obstructed[index];
+        word = as_signed(fetch_uint(bound->obstructed, index));
     }
     for (uint bit = bound->params->neighbor_begin; bit < bound->params->neighbor_end; bit++) {
         if (bit == NEIGHBORS / 2u) {
             continue;
         }
-        float3 way = center(bound, cell + convert_float3((uint3)(bit % 3u, bit / 3u % 3u, bit / 9u)) - 1.0f) - origin;
-        float far = sqrt(dot(way, way));
-        Line free = line(origin, way / far);
-        if (blocked(bound, &free, far)) {
-            word |= 1u << bit;
+        float3 hop = convert_float3((uint3)(bit % 3u, bit / 3u % 3u, bit / 9u)) - 1.0f;
+        F3 way = sub3(center(bound, add3(cell, all3(hop))), origin);
+        F far = sqrt(dot3(way, way));
+        Line free = line(origin, f3(way.x / far, way.y / far, way.z / far));
+        word = blocked(bound, &free, far, kept) ? word | (int)(1u << bit) : word;
+    }
+    int marked[WIDTH];
+    int words[WIDTH];
+    unpack(kept, marked);
+    unpack(word, words);
+    for (uint i = 0u; i < WIDTH; i++) {
+        if (marked[i]) {
+            bound->obstructed[first + i] = (uint)words[i];
         }
     }
-    bound->obstructed[index] = word;
 }
 
-// Where the centre of a cell is, from the mesh's origin.
-float3 center(const Bound *bound, float3 cell) {
-    float3 v = (cell + 0.5f) * bound->params->cell.xyz - 0.5f - (convert_float3(bound->params->dims.xyz) - 1.0f) * 0.5f;
-    float3 x = bound->params->world_x.xyz;
-    float3 y = bound->params->world_y.xyz;
-    float3 z = bound->params->world_z.xyz;
-    return (float3)(dot(x, v), dot(y, v), dot(z, v)) + bound->params->mesh_eye.xyz;
+// Where the centres of cells are, from the mesh's origin.
+F3 center(const Bound *bound, F3 cell) {
+    float3 side = bound->params->cell.xyz;
+    float3 size = convert_float3(bound->params->dims.xyz);
+    F3 v = f3((cell.x + 0.5f) * side.x - 0.5f - (size.x - 1.0f) * 0.5f, (cell.y + 0.5f) * side.y - 0.5f - (size.y - 1.0f) * 0.5f,
+              (cell.z + 0.5f) * side.z - 0.5f - (size.z - 1.0f) * 0.5f);
+    F3 at = f3(dot3(all3(bound->params->world_x.xyz), v), dot3(all3(bound->params->world_y.xyz), v),
+               dot3(all3(bound->params->world_z.xyz), v));
+    return add3(at, all3(bound->params->mesh_eye.xyz));
 }

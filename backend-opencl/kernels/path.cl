@@ -47,7 +47,7 @@ bool scatter(const Bound *bound, Way *way, Draws *numbers);
 bool look(const Bound *bound, Way *way, const Spot *at, Draws *numbers);
 void onward(const Bound *bound, Way *way, const Spot *at, float3 origin, Draws *numbers);
 
-float phase_value(const Bound *bound, uint i) {
+F phase_value(const Bound *bound, I i) {
     return bound->tables[bound->params->phase_at + i];
 }
 
@@ -471,7 +471,7 @@ bool look(const Bound *bound, Way *way, const Spot *at, Draws *numbers) {
     if (has_mesh) {
         float free = reach - MESH_MARGIN * bound->params->mesh_eye.w;
         Line of = line(from_mesh(bound, way->place), toward);
-        if (blocked(bound, &of, free)) {
+        if (blocked(bound, &of, free, true)) {
             return false;
         }
     }

@@ -2,29 +2,29 @@
 
 #define FOUR_PI 12.5663706143592f
 
-float phase_value(const Bound *bound, uint i);
+F phase_value(const Bound *bound, I i);
 uint phase_size(const Bound *bound);
 
-float henyey_greenstein(float g, float c) {
-    float base = 1.0f + g * g - 2.0f * g * c;
+F henyey_greenstein(float g, F c) {
+    F base = 1.0f + g * g - 2.0f * g * c;
     return (1.0f - g * g) / FOUR_PI / (base * sqrt(base));
 }
 
-float phase_lookup(const Bound *bound, float c) {
-    uint last = phase_size(bound) - 1u;
-    float at = angle_of_cosine(c) / PI * convert_float(last);
+F phase_lookup(const Bound *bound, F c) {
+    int last = (int)phase_size(bound) - 1;
+    F at = angle_of_cosine(c) / PI * convert_float(last);
     // What is not a number is the first entry.
-    uint i = at > 0.0f ? min(convert_uint(at), last - 1u) : 0u;
-    float a = phase_value(bound, i);
-    return a + (phase_value(bound, i + 1u) - a) * (at - convert_float(i));
+    I i = to_int(at > (F)(0.0f) ? lesser(at, (F)(convert_float(last - 1))) : (F)(0.0f));
+    F a = phase_value(bound, i);
+    return a + (phase_value(bound, i + 1) - a) * (at - to_float(i));
 }
 
 // Value at cosine `c`, per steradian.
-float phase(const Bound *bound, float c) {
+F phase(const Bound *bound, F c) {
     switch (bound->params->phase_kind) {
         case PHASE_HENYEY_GREENSTEIN: {
             float4 lobes = bound->params->phase;
-            float first = henyey_greenstein(lobes.x, c);
+            F first = henyey_greenstein(lobes.x, c);
             if (lobes.z == 1.0f) {
                 return first;
             }
@@ -35,6 +35,6 @@ float phase(const Bound *bound, float c) {
         case PHASE_TABLE:
             return phase_lookup(bound, c);
         default:
-            return 1.0f / FOUR_PI;
+            return (F)(1.0f / FOUR_PI);
     }
 }

@@ -41,7 +41,7 @@ float share(const Bound *bound, int3 cells, int3 cell, float3 place);
 bool land(const Bound *bound, const Cargo *cargo, uint cell, float light, int *tally);
 void add(const Bound *bound, uint place, float value, int *tally);
 
-float phase_value(const Bound *bound, uint i) {
+F phase_value(const Bound *bound, I i) {
     return bound->tables[bound->params->phase_at + i];
 }
 

@@ -1,15 +1,15 @@
-// `project`: records of directional light at the cells of a coarse grid. One work-item a cell: it marches along one
-// direction after the other, and adds each to the cell's record.
+// `project`: records of directional light at the cells of a coarse grid. One work-item a packet of cells: it marches along one
+// direction after the other, and adds each to the cells' records.
 
-void gather(const Bound *bound, float3 origin, float3 direction, float3 *transmittance, float3 *glow);
+void gather(const Bound *bound, F3 origin, float3 direction, M lit, F3 *transmittance, F3 *glow);
 float3 extinction(const Bound *bound);
-void sum_record(const Bound *bound, __global float *record, uint i, float3 transmittance);
-void sum_glow(const Bound *bound, __global float *record, uint i, float3 glow);
-float3 view_direction(const Bound *bound, float3 at);
-float3 emission_along(const Bound *bound, const Ray *ray, float3 *glow);
+void sum_record(const Bound *bound, size_t cell, const int *marked, uint i, F3 transmittance);
+void sum_glow(const Bound *bound, size_t cell, const int *marked, uint i, F3 glow);
+F3 view_direction(const Bound *bound, F3 at);
+F3 emission_along(const Bound *bound, const Ray *ray, M lit, F3 *glow);
 
-float phase_value(const Bound *bound, uint i) {
-    return bound->phase_table[i];
+F phase_value(const Bound *bound, I i) {
+    return fetch(bound->phase_table, i);
 }
 
 uint phase_size(const Bound *bound) {
@@ -21,56 +21,68 @@ void run_project(const Bound *bound) {
     if (n >= bound->launch->count) {
         return;
     }
-    uint cell = bound->launch->start + (uint)n;
+    size_t first = bound->launch->start + n;
+    U cell = bound->launch->start + elements(n, bound->launch->count);
+    M lit = filled(n, bound->launch->count);
+    int marked[WIDTH];
+    unpack(lit, marked);
     uint values = bound->params->coefficients * max(bound->params->channels, bound->params->weight_channels);
     uint glow_values = bound->params->emission_coefficients * 3u;
-    __global float *record = bound->records + (size_t)cell * values;
-    __global float *emission_record = bound->emission_records + (size_t)cell * glow_values;
     if (bound->params->direction_begin == 0u) {
         for (uint v = 0u; v < values; v++) {
-            record[v] = 0.0f;
+            put((F)(0.0f), bound->records + first * values + v, values * LANE, marked);
         }
         for (uint v = 0u; v < glow_values; v++) {
-            emission_record[v] = 0.0f;
+            put((F)(0.0f), bound->emission_records + first * glow_values + v, glow_values * LANE, marked);
         }
     }
     if (has_occupancy) {
-        if (bound->occupancy[cell].y <= 0.0f) {
+        // Means and maxima, in turn.
+        lit &= fetch((__global const float *)bound->occupancy, 2u * cell + 1u) > 0.0f;
+        if (!any_lane(lit)) {
             return;
         }
+        unpack(lit, marked);
     }
     uint3 cells = bound->params->cells.xyz;
-    float3 place = convert_float3((uint3)(cell % cells.x, cell / cells.x % cells.y, cell / cells.x / cells.y));
     float3 side = bound->params->cell.xyz;
-    float3 origin = place * side + (0.5f * side - 0.5f);
+    F3 origin = f3(to_float(cell % cells.x) * side.x + (0.5f * side.x - 0.5f),
+                   to_float(cell / cells.x % cells.y) * side.y + (0.5f * side.y - 0.5f),
+                   to_float(cell / cells.x / cells.y) * side.z + (0.5f * side.z - 0.5f));
     for (uint i = bound->params->direction_begin; i < bound->params->direction_end; i++) {
-        float3 transmittance;
-        float3 glow;
-        gather(bound, origin, bound->directions[i].xyz, &transmittance, &glow);
-        sum_record(bound, record, i, transmittance);
+        F3 transmittance;
+        F3 glow;
+        gather(bound, origin, bound->directions[i].xyz, lit, &transmittance, &glow);
+        sum_record(bound, first, marked, i, transmittance);
         if (glow_values > 0u) {
-            sum_glow(bound, emission_record, i, glow);
+            sum_glow(bound, first, marked, i, glow);
         }
     }
 }
 
 // Marches along a direction: transmittance, and light that the medium sends.
-void gather(const Bound *bound, float3 origin, float3 direction, float3 *transmittance, float3 *glow) {
+void gather(const Bound *bound, F3 origin, float3 direction, M lit, F3 *transmittance, F3 *glow) {
     float3 x = bound->params->index_x.xyz;
     float3 y = bound->params->index_y.xyz;
     float3 z = bound->params->index_z.xyz;
-    float3 index = (float3)(dot(x, direction), dot(y, direction), dot(z, direction));
-    Ray ray = through(origin, index, convert_float3(bound->params->dims.xyz), FAR, bound->params->cell.w);
-    *glow = (float3)(0.0f);
+    F3 index = all3((float3)(dot(x, direction), dot(y, direction), dot(z, direction)));
+    float3 size = convert_float3(bound->params->dims.xyz);
+    Ray ray = through(origin, index, size, (F)(FAR), bound->params->cell.w);
+    *glow = all3((float3)(0.0f));
     if (bound->params->emission_coefficients > 0u) {
-        *transmittance = emission_along(bound, &ray, glow);
+        *transmittance = emission_along(bound, &ray, lit, glow);
     } else {
-        *transmittance = exp(-column(bound, &ray, (uint4)(0u)) * extinction(bound));
+        F optical = column(bound, &ray, (uint4)(0u), lit);
+        float3 sigma = extinction(bound);
+        F red = exp_negative(-optical * sigma.x);
+        bool one = bound->params->channels == 1u;
+        *transmittance =
+            f3(red, one ? red : exp_negative(-optical * sigma.y), one ? red : exp_negative(-optical * sigma.z));
     }
     if (bound->params->toward_eye == 1u) {
-        float p = phase(bound, dot(direction, view_direction(bound, origin)));
-        *transmittance *= p;
-        *glow *= p;
+        F p = phase(bound, dot3(all3(direction), view_direction(bound, origin)));
+        *transmittance = scale3(*transmittance, p);
+        *glow = scale3(*glow, p);
     }
 }
 
@@ -79,66 +91,75 @@ float3 extinction(const Bound *bound) {
     return bound->params->channels == 3u ? bound->params->extinction.xyz : bound->params->extinction.xxx;
 }
 
-// Adds direction `i` to every value of the record.
-void sum_record(const Bound *bound, __global float *record, uint i, float3 transmittance) {
+// Adds direction `i` to every value of the records of the lanes that are marked, from that of `cell` on.
+void sum_record(const Bound *bound, size_t cell, const int *marked, uint i, F3 transmittance) {
     uint coefficients = bound->params->coefficients;
-    __global const float *weights = bound->weights + (size_t)i * coefficients * bound->params->weight_channels;
-    if (bound->params->weight_channels == 3u) {
+    uint of = bound->params->weight_channels;
+    __global const float *weights = bound->weights + (size_t)i * coefficients * of;
+    if (max(bound->params->channels, of) == 1u) {
         for (uint k = 0u; k < coefficients; k++) {
-            vstore3(vload3(k, record) + transmittance * vload3(k, weights), k, record);
+            add_to(transmittance.x * weights[k], bound->records + cell * coefficients + k, coefficients * LANE, marked);
         }
-    } else if (bound->params->channels == 3u) {
-        for (uint k = 0u; k < coefficients; k++) {
-            vstore3(vload3(k, record) + transmittance * weights[k], k, record);
-        }
-    } else {
-        for (uint k = 0u; k < coefficients; k++) {
-            record[k] += transmittance.x * weights[k];
-        }
+        return;
+    }
+    for (uint k = 0u; k < coefficients; k++) {
+        __global float *to = bound->records + 3u * (cell * coefficients + k);
+        add_to(transmittance.x * weights[k * of], to, 3u * coefficients * LANE, marked);
+        add_to(transmittance.y * weights[k * of + (of - 1u) / 2u], to + 1u, 3u * coefficients * LANE, marked);
+        add_to(transmittance.z * weights[k * of + of - 1u], to + 2u, 3u * coefficients * LANE, marked);
     }
 }
 
 // Adds direction `i` to every value of the emission's moments.
-void sum_glow(const Bound *bound, __global float *record, uint i, float3 glow) {
+void sum_glow(const Bound *bound, size_t cell, const int *marked, uint i, F3 glow) {
     uint coefficients = bound->params->emission_coefficients;
     __global const float *weights = bound->emission_weights + (size_t)i * coefficients;
     for (uint k = 0u; k < coefficients; k++) {
-        vstore3(vload3(k, record) + glow * weights[k], k, record);
+        __global float *to = bound->emission_records + 3u * (cell * coefficients + k);
+        add_to(glow.x * weights[k], to, 3u * coefficients * LANE, marked);
+        add_to(glow.y * weights[k], to + 1u, 3u * coefficients * LANE, marked);
+        add_to(glow.z * weights[k], to + 2u, 3u * coefficients * LANE, marked);
     }
 }
 
-// Unit direction in the world from the eye to a point of index space.
-float3 view_direction(const Bound *bound, float3 at) {
-    float3 v = at - bound->params->eye.xyz;
-    float3 x = bound->params->world_x.xyz;
-    float3 y = bound->params->world_y.xyz;
-    float3 z = bound->params->world_z.xyz;
-    float3 w = (float3)(dot(x, v), dot(y, v), dot(z, v));
+// Unit directions in the world from the eye to points of index space.
+F3 view_direction(const Bound *bound, F3 at) {
+    F3 v = sub3(at, all3(bound->params->eye.xyz));
+    F3 w = f3(dot3(all3(bound->params->world_x.xyz), v), dot3(all3(bound->params->world_y.xyz), v),
+              dot3(all3(bound->params->world_z.xyz), v));
     // A cell at the eye has no direction; any will do.
-    return w / max(length(w), 1.2e-38f);
+    F size = greater(sqrt(dot3(w, w)), (F)(1.2e-38f));
+    return f3(w.x / size, w.y / size, w.z / size);
 }
 
-// Radiance that the medium sends along the ray to its origin, and the ray's transmittance.
-float3 emission_along(const Bound *bound, const Ray *ray, float3 *glow) {
+// Radiance that the medium sends along the rays to their origin, and the rays' transmittance.
+F3 emission_along(const Bound *bound, const Ray *ray, M lit, F3 *glow) {
     int3 size = convert_int3(bound->params->dims.xyz);
     float3 sigma = extinction(bound);
-    float3 transmittance = (float3)(1.0f);
-    float3 sent = (float3)(0.0f);
-    for (float k = 0.0f; k < ray->steps; k += 1.0f) {
-        float3 at = along(ray, middle(ray, k));
-        float density = sample_density(bound, at, size, 0);
-        float3 source = (float3)(density);
+    F3 transmittance = all3((float3)(1.0f));
+    F3 sent = all3((float3)(0.0f));
+    F steps = lit ? ray->steps : (F)(0.0f);
+    float last = largest_lane(steps);
+    for (float k = 0.0f; k < last; k += 1.0f) {
+        M active = k < steps;
+        F3 at = along(ray, middle(ray, k));
+        F density = sample_density(bound, at, size, 0);
+        density = active ? density : (F)(0.0f);
+        F3 source = f3(density, density, density);
         if (has_emission_color) {
-            source = sample_emission_color(bound, at, size, 0).xyz;
+            source = colors_emission_color(bound, at, size, active);
         } else if (has_emission_density) {
-            source = (float3)(sample_emission_density(bound, at, size, 0));
+            F value = sample_emission_density(bound, at, size, 0);
+            value = active ? value : (F)(0.0f);
+            source = f3(value, value, value);
         }
-        float3 tau = density * ray->step * sigma;
-        float2 x = segment(tau.x);
-        float2 y = segment(tau.y);
-        float2 z = segment(tau.z);
-        sent += transmittance * ray->step * (float3)(x.y, y.y, z.y) * (source * bound->params->emission.xyz);
-        transmittance *= (float3)(x.x, y.x, z.x);
+        F tau = density * ray->step;
+        F2 x = segment(tau * sigma.x);
+        F2 y = segment(tau * sigma.y);
+        F2 z = segment(tau * sigma.z);
+        F3 reach = mul3(transmittance, scale3(f3(x.y, y.y, z.y), ray->step));
+        sent = add3(sent, mul3(reach, mul3(source, all3(bound->params->emission.xyz))));
+        transmittance = mul3(transmittance, f3(x.x, y.x, z.x));
     }
     *glow = sent;
     return transmittance;

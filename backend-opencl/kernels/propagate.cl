@@ -94,7 +94,7 @@ float mean(const Bound *bound, __global const LightFace *face, uint light, int3 
     float extent = way.step * way.steps;
     if (face->near == 1u) {
         if (way.steps > 0.0f) {
-            return column(bound, &way, (uint4)(0u)) / max(extent, 1.2e-38f);
+            return column(bound, &way, (uint4)(0u), true) / max(extent, 1.2e-38f);
         }
         return sample_density(bound, origin, convert_int3(bound->params->dims.xyz), 0);
     }
@@ -105,7 +105,7 @@ float mean(const Bound *bound, __global const LightFace *face, uint light, int3 
     if (rest > 0.0f) {
         beyond = interpolated(bound, light, at, u, longest, face->axis);
     }
-    return (column(bound, &piece, (uint4)(0u)) + beyond * rest) / extent;
+    return (column(bound, &piece, (uint4)(0u), true) + beyond * rest) / extent;
 }
 
 // Mean density where the way meets the next plane of centres along `axis`.

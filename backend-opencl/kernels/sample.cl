@@ -1,93 +1,108 @@
 // Rays through the box of the medium.
 
-// A ray in index space, cut into equal steps.
+// Rays in index space, each cut into equal steps.
 typedef struct {
     // Origin in index space.
-    float3 origin;
+    F3 origin;
     // Direction in voxels per metre.
-    float3 direction;
+    F3 direction;
     // Metres along the ray where the first step begins.
-    float start;
+    F start;
     // Length of a step, metres; zero where there is none.
-    float step;
+    F step;
     // Number of steps.
-    float steps;
+    F steps;
     // Where a step is sampled, as a part of it.
-    float place;
+    F place;
 } Ray;
 
-// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k +
-// place) steps. `blocks`: blocks along x, y, z and their side in voxels.
-float skip(const Bound *bound, const Ray *ray, float t, float k, uint4 blocks) {
+// Where each lane that is active stands in an empty block: the number of the next sample that any of them must look at,
+// else -1. Samples lie at t0 + (k + place) steps. `blocks`: blocks along x, y, z and their side in voxels.
+float skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks, M active) {
     float side = convert_float(blocks.w);
-    float3 place = floor((ray->origin + t * ray->direction + 0.5f) / side);
-    float3 block = place > (float3)(0.0f) ? min(place, convert_float3(blocks.xyz - 1u)) : (float3)(0.0f);
-    uint3 cell = convert_uint3(block);
-    if (bound->occupancy[((size_t)cell.z * blocks.y + cell.y) * blocks.x + cell.x].y > 0.0f) {
+    F3 last = all3(convert_float3(blocks.xyz - 1u));
+    F3 at = add3(ray->origin, scale3(ray->direction, t));
+    F zero = (F)(0.0f);
+    F3 block = f3(lesser(greater(floor((at.x + 0.5f) / side), zero), last.x),
+                  lesser(greater(floor((at.y + 0.5f) / side), zero), last.y),
+                  lesser(greater(floor((at.z + 0.5f) / side), zero), last.z));
+    I cell = (to_int(block.z) * (int)blocks.y + to_int(block.y)) * (int)blocks.x + to_int(block.x);
+    // Means and maxima, in turn.
+    F held = fetch((__global const float *)bound->occupancy, 2 * cell + 1);
+    if (any_lane(active & (held > zero))) {
         return -1.0f;
     }
-    float3 wall = ray->direction > (float3)(0.0f) ? (block + 1.0f) * side - 0.5f : block * side - 0.5f;
-    float3 leave = (wall - ray->origin) / ray->direction;
-    float exit = min(min(leave.x, leave.y), leave.z);
+    F3 way = ray->direction;
+    F3 wall = f3((way.x > zero ? block.x + 1.0f : block.x) * side - 0.5f,
+                 (way.y > zero ? block.y + 1.0f : block.y) * side - 0.5f,
+                 (way.z > zero ? block.z + 1.0f : block.z) * side - 0.5f);
+    F3 leave = sub3(wall, ray->origin);
+    F exit = lesser(lesser(leave.x / way.x, leave.y / way.y), leave.z / way.z);
     // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-    float beyond = floor((exit - ray->start) / ray->step - ray->place);
-    return max(beyond, k + 1.0f);
+    F beyond = floor((exit - ray->start) / ray->step - ray->place);
+    return fmax(smallest_lane(active ? beyond : (F)(INFINITY)), k + 1.0f);
 }
 
-// The ray from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
+// The rays from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
 // steps.
-Ray through(float3 origin, float3 direction, float3 size, float limit, float longest) {
+Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
     // A ray along a wall: far enough from parallel that the quotients below are numbers.
-    float3 d = fabs(direction) < (float3)(1e-20f) ? (float3)(1e-20f) : direction;
-    float3 lower = (-0.5f - origin) / d;
-    float3 upper = (size - 0.5f - origin) / d;
-    float3 first = min(lower, upper);
-    float3 last = max(lower, upper);
-    float near = max(max(first.x, first.y), max(first.z, 0.0f));
-    float far = min(min(last.x, last.y), min(last.z, limit));
-    float extent = max(far - near, 0.0f);
+    F little = (F)(1e-20f);
+    F3 d = f3(fabs(direction.x) < little ? little : direction.x, fabs(direction.y) < little ? little : direction.y,
+              fabs(direction.z) < little ? little : direction.z);
+    F3 lower = f3((-0.5f - origin.x) / d.x, (-0.5f - origin.y) / d.y, (-0.5f - origin.z) / d.z);
+    F3 upper = f3((size.x - 0.5f - origin.x) / d.x, (size.y - 0.5f - origin.y) / d.y, (size.z - 0.5f - origin.z) / d.z);
+    F zero = (F)(0.0f);
+    F near = greater(greater(lesser(lower.x, upper.x), lesser(lower.y, upper.y)), greater(lesser(lower.z, upper.z), zero));
+    F far = lesser(lesser(greater(lower.x, upper.x), greater(lower.y, upper.y)), lesser(greater(lower.z, upper.z), limit));
+    F extent = greater(far - near, zero);
     Ray ray;
     ray.origin = origin;
     ray.direction = d;
     ray.start = near;
     ray.steps = ceil(extent / longest);
-    ray.step = ray.steps > 0.0f ? extent / max(ray.steps, 1.0f) : 0.0f;
-    ray.place = 0.5f;
+    ray.step = ray.steps > zero ? extent / greater(ray.steps, (F)(1.0f)) : zero;
+    ray.place = (F)(0.5f);
     return ray;
 }
 
-// The same part of the ray in `count` steps.
+// The same part of the rays in `count` steps.
 Ray in_steps(Ray ray, float count) {
     ray.step = ray.step * ray.steps / count;
-    ray.steps = ray.steps > 0.0f ? count : 0.0f;
+    ray.steps = ray.steps > (F)(0.0f) ? (F)(count) : (F)(0.0f);
     return ray;
 }
 
-// The point `t` metres along.
-float3 along(const Ray *ray, float t) {
-    return ray->origin + t * ray->direction;
+// The points `t` metres along.
+F3 along(const Ray *ray, F t) {
+    return add3(ray->origin, scale3(ray->direction, t));
 }
 
 // Where step `k` is sampled, in metres along.
-float middle(const Ray *ray, float k) {
+F middle(const Ray *ray, float k) {
     return ray->start + ray->step * (k + ray->place);
 }
 
-// The column of density along the ray, in units of density times metres. `blocks` as in `skip`, of side 0 for none.
-float column(const Bound *bound, const Ray *ray, uint4 blocks) {
+// The column of density along each ray whose lane is active, in units of density times metres. `blocks` as in `skip`, of
+// side 0 for none.
+F column(const Bound *bound, const Ray *ray, uint4 blocks, M lanes) {
     int3 size = convert_int3(bound->params->dims.xyz);
-    float sum = 0.0f;
+    F steps = lanes ? ray->steps : (F)(0.0f);
+    float last = largest_lane(steps);
+    F sum = (F)(0.0f);
     float k = 0.0f;
-    while (k < ray->steps) {
-        float t = middle(ray, k);
+    while (k < last) {
+        M active = k < steps;
+        F t = middle(ray, k);
         if (blocks.w > 0u) {
-            float next = skip(bound, ray, t, k, blocks);
+            float next = skip(bound, ray, t, k, blocks, active);
             if (next >= 0.0f) {
                 k = next;
                 continue;
             }
         }
-        sum += sample_density(bound, along(ray, t), size, 0);
+        F density = sample_density(bound, along(ray, t), size, 0);
+        sum += active ? density : (F)(0.0f);
         k += 1.0f;
     }
     return sum * ray->step;

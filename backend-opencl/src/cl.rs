@@ -20,7 +20,10 @@ use ocl::core::{
 use crate::source::entry_point;
 
 /// Work-items of a workgroup, where the device and the kernel take so many.
-pub(crate) const WORKGROUP: usize = 64;
+const WORKGROUP: usize = 64;
+
+/// The same where each works on a packet: few, so that cores share the work evenly.
+const WIDE_WORKGROUP: usize = 4;
 
 /// A device's context and its queue, which runs in order.
 #[derive(Debug)]
@@ -41,8 +44,10 @@ pub(crate) struct Cl {
 pub(crate) struct Built {
     name: &'static str,
     kernel: Kernel,
-    /// Work-items of its workgroups, where it may be chosen.
-    workgroup: Option<usize>,
+    /// The most work-items of a workgroup; 0 where the driver does not say.
+    most: usize,
+    /// Lanes of its packets.
+    width: u32,
 }
 
 /// An argument of a kernel.
@@ -217,7 +222,13 @@ impl Cl {
     }
 
     /// Builds the kernel whose function is the [`entry_point`] of `name`. Faults in its text begin with their file and line.
-    pub(crate) fn build(&mut self, name: &'static str, text: &str, options: &str) -> Result<Built, DeviceError> {
+    pub(crate) fn build(
+        &mut self,
+        name: &'static str,
+        text: &str,
+        options: &str,
+        width: u32,
+    ) -> Result<Built, DeviceError> {
         self.check()?;
         let words =
             |text: &str| CString::new(text).map_err(|_| DeviceError::Invalid(format!("{name} contains a zero")));
@@ -231,8 +242,8 @@ impl Cl {
         }
         let kernel = self.done("clCreateKernel", 0, core::create_kernel(&program, entry_point(name)))?;
         let most = core::get_kernel_work_group_info(&kernel, self.device, KernelWorkGroupInfo::WorkGroupSize);
-        let fits = matches!(most, Ok(KernelWorkGroupInfoResult::WorkGroupSize(most)) if most >= WORKGROUP);
-        Ok(Built { name, kernel, workgroup: fits.then_some(WORKGROUP) })
+        let most = if let Ok(KernelWorkGroupInfoResult::WorkGroupSize(most)) = most { most } else { 0 };
+        Ok(Built { name, kernel, most, width })
     }
 
     fn is_built(&self, program: &Program) -> bool {
@@ -262,13 +273,15 @@ impl Cl {
         DeviceError::Backend(format!("{first}\n{log}"))
     }
 
-    /// Runs a kernel over `items` work-items, whose last workgroup may reach past them.
+    /// Runs a kernel over `items` work-items, whose last workgroup may reach past them; or over as many workgroups of `team`
+    /// work-items at the most.
     pub(crate) fn run(
         &mut self,
         built: &Built,
         constants: &[u8],
         args: &[Arg<'_>],
         items: u64,
+        team: Option<u32>,
     ) -> Result<Event, DeviceError> {
         self.check()?;
         let constants = self.constants(constants)?;
@@ -281,7 +294,15 @@ impl Cl {
             let set = core::set_kernel_arg(&built.kernel, index, value);
             self.done("clSetKernelArg", 0, set)?;
         }
-        let global = usize::try_from(items).ok().and_then(|items| items.checked_next_multiple_of(WORKGROUP));
+        let size = if built.width > 1 { WIDE_WORKGROUP } else { WORKGROUP };
+        let (count, local) = (usize::try_from(items).ok(), (built.most >= size).then_some(size));
+        let (global, local) = match team {
+            Some(team) => {
+                let team = (team as usize).min(built.most.max(1));
+                (count.and_then(|count| count.checked_mul(team)), Some(team))
+            }
+            None => (count.and_then(|count| count.checked_next_multiple_of(size)), local),
+        };
         let Some(global) = global else {
             return Err(DeviceError::Limit {
                 what: "the work-items of a dispatch",
@@ -289,7 +310,7 @@ impl Cl {
                 limit: usize::MAX as u64,
             });
         };
-        let local = built.workgroup.map(|size| [size, 1, 1]);
+        let local = local.map(|size| [size, 1, 1]);
         let mut event = Event::null();
         // SAFETY: every argument is set, memory objects are kept by the command, and stages are validated so that
         // their kernels stay within their buffers.

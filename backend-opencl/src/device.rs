@@ -5,14 +5,16 @@ use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::time::Duration;
 
-use airlight_core::device::{Device, DeviceError, DeviceInfo, FieldKinds, Limits, ResourceId, ResourceSpec, StageTime};
+use airlight_core::device::{
+    Device, DeviceError, DeviceInfo, FieldKinds, Limits, ResourceId, ResourceSpec, StageTime, Unavailable,
+};
 use airlight_core::stage::Stage;
-use bytemuck::Zeroable;
 
-use crate::cl::{Built, Cl};
+use crate::cl::{Arg, Built, Cl};
 use crate::clock::Clock;
-use crate::source::{self, Launch, Shape};
-use crate::store::{Resource, Store};
+use crate::platform;
+use crate::source::{self, Lanes, Shape};
+use crate::store::{Resource, Scratch, Store};
 
 /// An OpenCL device.
 #[derive(Debug)]
@@ -21,41 +23,51 @@ pub struct OpenclDevice {
     pub(crate) cl: Cl,
     /// What kernels are built with.
     pub(crate) options: &'static str,
+    /// Of the packets of kernels.
+    pub(crate) lanes: Lanes,
     pub(crate) store: Store,
+    /// What work-items of a dispatch share.
+    scratch: Scratch,
     /// Kernels by stage and the shapes of its bindings.
     kernels: HashMap<(&'static str, Vec<Shape>), Built>,
     clock: Clock,
 }
 
 impl OpenclDevice {
+    /// Opens the device of an index, with packets of so many lanes in place of as many as suit it: how fast it is, and how its
+    /// results are rounded, is all that differs.
+    ///
+    /// # Errors
+    /// There is no such device.
+    pub fn with_lanes(index: usize, lanes: Lanes) -> Result<Self, Unavailable> {
+        platform::open(index, Some(lanes))
+    }
+
     /// An opened device.
-    pub(crate) fn new(info: DeviceInfo, cl: Cl, options: &'static str) -> Self {
-        let (store, kernels, clock) = (Store::default(), HashMap::new(), Clock::default());
-        Self { info, cl, options, store, kernels, clock }
+    pub(crate) fn new(info: DeviceInfo, cl: Cl, options: &'static str, lanes: Lanes) -> Self {
+        let (store, scratch) = (Store::default(), Scratch::default());
+        Self { info, cl, options, lanes, store, scratch, kernels: HashMap::new(), clock: Clock::default() }
     }
 
     fn run_stage(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
-        let source = source::of(stage);
+        let source = source::of(stage, self.lanes);
         let (shapes, args) = self.store.bind(&stage.bindings())?;
         let key = (source.name, shapes);
         let kernel = match self.kernels.entry(key) {
             Entry::Occupied(kernel) => kernel.into_mut(),
             Entry::Vacant(place) => {
                 let text = source.text(&place.key().1);
-                place.insert(self.cl.build(source.name, &text, self.options)?)
+                place.insert(self.cl.build(source.name, &text, self.options, source.width)?)
             }
         };
-        // Units of a sequential stage are dispatches of their own: the queue is in order.
-        let (units, count) = match stage.sequential() {
-            Some(items) => (range.clone(), items),
-            None => (range.start..range.start + 1, range.len() as u32),
-        };
-        let mut events = Vec::new();
-        for start in units {
-            let launch = Launch { start, count, ..Launch::zeroed() };
-            let constants = [stage.params(), bytemuck::bytes_of(&launch)].concat();
-            let items = u64::from(count) * u64::from(source.items);
-            events.push(self.cl.run(kernel, &constants, &args, items)?);
+        let (mut events, mut left) = (Vec::new(), range.clone());
+        while !left.is_empty() {
+            let next = source.next(stage, left.clone())?;
+            let constants = [stage.params(), bytemuck::bytes_of(&next.launch)].concat();
+            let scratch = source.shares().then(|| self.scratch.of(&mut self.cl, next.scratch)).transpose()?;
+            let args: Vec<_> = args.iter().copied().chain(scratch.map(Arg::Mem)).collect();
+            events.push(self.cl.run(kernel, &constants, &args, next.items, next.team)?);
+            left.start += next.units;
         }
         self.clock.book(stage.name(), range, events);
         Ok(())

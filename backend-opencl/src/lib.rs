@@ -15,6 +15,7 @@ mod source;
 mod store;
 
 pub use device::OpenclDevice;
+pub use source::Lanes;
 
 use airlight_core::device::Provider;
 
@@ -22,7 +23,7 @@ use airlight_core::device::Provider;
 pub const PROVIDER: Provider = Provider {
     name: "opencl",
     enumerate: platform::enumerate,
-    open: |index| platform::open(index).map(|device| Box::new(device) as _),
+    open: |index| platform::open(index, None).map(|device| Box::new(device) as _),
 };
 
 #[cfg(test)]

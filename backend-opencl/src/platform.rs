@@ -7,6 +7,7 @@ use ocl::core::{self, DeviceId, DeviceInfo as Query, DeviceType, PlatformId, Pla
 
 use crate::OpenclDevice;
 use crate::cl::{Cl, Fault};
+use crate::source::Lanes;
 
 /// Held while devices are looked for and opened: drivers that set themselves up on their first use do not all expect
 /// two threads at once (PoCL 3.1 does not).
@@ -119,8 +120,8 @@ pub(crate) fn enumerate() -> Result<Vec<DeviceInfo>, Unavailable> {
     Ok(devices()?.iter().enumerate().map(|(index, found)| describe(index, found)).collect())
 }
 
-/// Opens a device.
-pub(crate) fn open(index: usize) -> Result<OpenclDevice, Unavailable> {
+/// Opens a device, with so many lanes or as many as suit it.
+pub(crate) fn open(index: usize, lanes: Option<Lanes>) -> Result<OpenclDevice, Unavailable> {
     let _alone = FIRST_USE.lock().unwrap_or_else(PoisonError::into_inner);
     let devices = devices()?;
     let Some(found) = devices.get(index) else {
@@ -130,7 +131,19 @@ pub(crate) fn open(index: usize) -> Result<OpenclDevice, Unavailable> {
     let info = describe(index, found);
     let rounded = number(found.id, Query::SingleFpConfig).is_some_and(|config| config & CORRECTLY_ROUNDED != 0);
     let cl = Cl::open(found.id).map_err(|fault| Unavailable(format!("{} cannot be opened: {fault}", info.name)))?;
-    Ok(OpenclDevice::new(info, cl, if rounded { ROUNDED_OPTIONS } else { OPTIONS }))
+    let options = if rounded { ROUNDED_OPTIONS } else { OPTIONS };
+    Ok(OpenclDevice::new(info, cl, options, lanes.unwrap_or_else(|| suitable(found.id))))
+}
+
+/// The lanes that suit a device: graphics processors run scalars side by side, and processors' cores vectors, two registers
+/// of four where they have no wider.
+fn suitable(device: DeviceId) -> Lanes {
+    let kind = DeviceType::from_bits_truncate(number(device, Query::Type).unwrap_or(0));
+    match number(device, Query::NativeVectorWidthFloat) {
+        Some(16..) if kind.contains(DeviceType::CPU) => Lanes::Sixteen,
+        Some(4..) if kind.contains(DeviceType::CPU) => Lanes::Eight,
+        _ => Lanes::One,
+    }
 }
 
 fn describe(index: usize, found: &Found) -> DeviceInfo {

@@ -3,10 +3,14 @@
 //! the entry point fills.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
-use airlight_core::device::{FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
+use airlight_core::device::{
+    DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
+};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Classify, Inject, March, Stage};
+use airlight_core::stage::{Classify, Inject, March, Stage, SweepParams};
+use bytemuck::Zeroable;
 
 pub(crate) use airlight_core::device::{Shape, ShapeKind};
 
@@ -19,15 +23,38 @@ kernel_struct! {
         start: U32,
         /// Units; of a sequential stage the items of one unit.
         count: U32,
-        /// Unused.
-        unused_0: U32,
-        /// Unused.
-        unused_1: U32,
+        /// Units of a sequential stage that the dispatch runs one after the other.
+        units: U32,
+        /// Floats of the scratch memory that each of what shares it has, where the kernel has some.
+        room: U32,
     }
 }
 
-/// Number of a work-item within its dispatch.
-const NUMBER: &str = "size_t number(void) {\n    return get_global_id(0);\n}\n";
+/// Packets, of whatever width.
+const PACKET: &str = include_str!("packet.cl");
+
+/// How many lanes the packets of kernels have that work on packets: one on devices that run scalar work-items side by side,
+/// as many as vector registers have elsewhere. Others have one on every device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Lanes {
+    /// Scalars.
+    One,
+    /// Vectors of eight.
+    Eight,
+    /// Vectors of sixteen.
+    Sixteen,
+}
+
+impl Lanes {
+    /// Their number.
+    pub fn count(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Eight => 8,
+            Self::Sixteen => 16,
+        }
+    }
+}
 
 macro_rules! file {
     ($name:literal) => {
@@ -63,8 +90,10 @@ fn helper(helper: Helper) -> KernelFile {
 pub(crate) struct Source {
     /// Name of the stage.
     pub(crate) name: &'static str,
-    /// Work-items of a unit of the work axis, or of an item of a unit where the stage is sequential.
-    pub(crate) items: u32,
+    /// Work-items of a unit of the work axis, or of an item of a unit where the stage is sequential: so many for so many.
+    items: (u32, u32),
+    /// Lanes of its packets.
+    pub(crate) width: u32,
     file: KernelFile,
     recipe: Recipe,
 }
@@ -74,32 +103,63 @@ pub(crate) fn entry_point(stage: &str) -> String {
     format!("stage_{stage}")
 }
 
-/// The kernel of a stage.
-pub(crate) fn of(stage: &Stage) -> Source {
-    let (file, items) = match stage {
-        Stage::Reduce(_) => (file!("reduce.cl"), 1),
-        Stage::Project(_) => (file!("project.cl"), 1),
-        Stage::Propagate(_) => (file!("propagate.cl"), 1),
-        Stage::Relight(_) => (file!("relight.cl"), 1),
-        Stage::March(_) => (file!("march.cl"), March::BLOCK * March::BLOCK),
-        Stage::Inject(_) => (file!("inject.cl"), Inject::BRICK * Inject::BRICK),
-        Stage::Trace(_) => (file!("trace.cl"), 1),
-        Stage::Shade(_) => (file!("shade.cl"), 1),
-        Stage::Shadow(_) => (file!("shadow.cl"), 1),
-        Stage::Upsample(_) => (file!("upsample.cl"), March::BLOCK * March::BLOCK),
-        Stage::Accumulate(_) => (file!("accumulate.cl"), March::BLOCK * March::BLOCK),
-        Stage::Coarsen(_) => (file!("coarsen.cl"), 1),
-        Stage::Illuminate(_) => (file!("illuminate.cl"), 1),
-        Stage::Sweep(_) => (file!("sweep.cl"), 1),
-        Stage::Obstruct(_) => (file!("obstruct.cl"), 1),
-        Stage::Path(_) => (file!("path.cl"), 1),
-        Stage::Evaluate(_) => (file!("evaluate.cl"), 1),
-        Stage::Reconstruct(_) => (file!("reconstruct.cl"), 1),
-        Stage::Photons(_) => (file!("photons.cl"), 1),
-        Stage::Classify(_) => (file!("classify.cl"), Classify::PACK),
+/// The kernel of a stage, on a device of so many lanes.
+pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
+    let wide = lanes.count();
+    // A packet an item, of stages that work on packets.
+    let packets = |elements: u32| ((elements, wide), wide);
+    let scalars = |elements: u32| ((elements, 1), 1);
+    let (file, (items, width)) = match stage {
+        Stage::Reduce(_) => (file!("reduce.cl"), scalars(1)),
+        Stage::Project(_) => (file!("project.cl"), packets(1)),
+        Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
+        Stage::Relight(_) => (file!("relight.cl"), scalars(1)),
+        Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Inject(_) => (
+            file!("inject.cl"),
+            match lanes {
+                Lanes::One => scalars(Inject::BRICK * Inject::BRICK),
+                // A brick an item.
+                Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
+            },
+        ),
+        Stage::Trace(_) => (file!("trace.cl"), packets(1)),
+        Stage::Shade(_) => (file!("shade.cl"), packets(1)),
+        Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
+        Stage::Upsample(_) => (file!("upsample.cl"), scalars(March::BLOCK * March::BLOCK)),
+        Stage::Accumulate(_) => (file!("accumulate.cl"), scalars(March::BLOCK * March::BLOCK)),
+        Stage::Coarsen(_) => (file!("coarsen.cl"), scalars(1)),
+        Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
+        Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
+        Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),
+        Stage::Path(_) => (file!("path.cl"), scalars(1)),
+        Stage::Evaluate(_) => (file!("evaluate.cl"), scalars(1)),
+        Stage::Reconstruct(_) => (file!("reconstruct.cl"), scalars(1)),
+        Stage::Photons(_) => (file!("photons.cl"), scalars(1)),
+        Stage::Classify(_) => (file!("classify.cl"), packets(Classify::PACK)),
     };
-    Source { name: stage.name(), items, file, recipe: Recipe::of(stage) }
+    Source { name: stage.name(), items, width, file, recipe: Recipe::of(stage) }
 }
+
+/// A dispatch of a kernel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Dispatch {
+    pub(crate) launch: Launch,
+    /// Units of the work axis that it runs.
+    pub(crate) units: u32,
+    /// Work-items, or workgroups where they are teams.
+    pub(crate) items: u64,
+    /// The most work-items of a workgroup, where they are a team.
+    pub(crate) team: Option<u32>,
+    /// Bytes of memory that the work-items share.
+    pub(crate) scratch: u64,
+}
+
+/// Work-items of a team where each is a lane.
+const TEAM: u32 = 256;
+
+/// Coefficients that a work-item of `sweep` adds up, as its kernel says.
+const SWEEP_TAKEN: u32 = 4;
 
 /// The most slabs of a field: each is an argument of its kernels.
 pub(crate) const MAX_SLABS: u32 = 16;
@@ -126,6 +186,55 @@ fn members(shape: &Shape) -> Vec<(String, String)> {
 }
 
 impl Source {
+    /// What the next dispatch runs of the units that are left.
+    ///
+    /// # Errors
+    /// More scratch memory than kernels can index.
+    pub(crate) fn next(&self, stage: &Stage, units: Range<u32>) -> Result<Dispatch, DeviceError> {
+        let launch = Launch { start: units.start, units: 1, ..Launch::zeroed() };
+        let ((of, each), sequential) = (self.items, stage.sequential());
+        if let Stage::Sweep(sweep) = stage {
+            return self.next_sweep(&sweep.params, launch, units.end);
+        }
+        // Units of a sequential stage are dispatches of their own: the queue is in order.
+        let count = sequential.unwrap_or(units.len() as u32);
+        let items = (u64::from(count) * u64::from(of)).div_ceil(u64::from(each));
+        let units = if sequential.is_some() { 1 } else { count };
+        Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team: None, scratch: 0 })
+    }
+
+    /// The steps of a batch follow each other within a dispatch, in which the work-items of a direction are a team; its
+    /// moments are one of their own.
+    fn next_sweep(&self, p: &SweepParams, launch: Launch, end: u32) -> Result<Dispatch, DeviceError> {
+        let (batch, step) = (launch.start / p.batch_steps(), launch.start % p.batch_steps());
+        let steps = p.cells[3];
+        if step == steps {
+            let count = p.count().div_ceil(self.width) * p.coefficients.div_ceil(SWEEP_TAKEN);
+            return Ok(Dispatch {
+                launch: Launch { count, ..launch },
+                units: 1,
+                items: count.into(),
+                team: None,
+                scratch: 0,
+            });
+        }
+        let (units, width) = ((steps - step).min(end - launch.start), u64::from(self.width));
+        let directions = p.batch.min(p.directions - batch * p.batch);
+        let [x, y, z, _] = p.cells.map(u64::from);
+        let plane = |across: u64, down: u64| (across.next_multiple_of(width) + 2 * width) * (down + 2);
+        let size = plane(x, y).max(plane(x, z)).max(plane(y, z));
+        // Radiance, extinction, source and emission of two planes.
+        let floats = size * 4 * u64::from(p.channels);
+        let room = u32::try_from(floats).map_err(|_| {
+            let (what, limit) = ("the floats of a plane of `sweep`", u32::MAX.into());
+            DeviceError::Limit { what, requested: floats, limit }
+        })?;
+        let launch = Launch { count: directions, units, room, ..launch };
+        let scratch = u64::from(p.batch) * 2 * floats * size_of::<f32>() as u64;
+        let team = if self.width > 1 { 1 } else { TEAM };
+        Ok(Dispatch { launch, units, items: directions.into(), team: Some(team), scratch })
+    }
+
     /// The text for bindings of these shapes. The kernel's arguments are the constants, and of each binding that is
     /// present, in order: of a field its index if it is in bricks, its slabs, how many bricks hold one value if it is in
     /// bricks, the number of its layers if there are several, and the slices or bricks of a slab if there are several; of a
@@ -137,24 +246,33 @@ impl Source {
         text.whole
     }
 
+    /// Whether the kernel has scratch memory, which is its last argument.
+    pub(crate) fn shares(&self) -> bool {
+        self.name == "sweep"
+    }
+
     fn prelude(&self, shapes: &[Shape]) -> String {
         // A product and a sum stay two roundings, as on the other devices.
         let mut out = String::from("#pragma OPENCL FP_CONTRACT OFF\n");
+        // Writing to a String cannot fail.
         out += &self.recipe.prelude(OPENCL, shapes);
         out += &Launch::text(OPENCL);
-        out += NUMBER;
+        let _ = writeln!(out, "#define WIDTH {}\n{}", self.width, PACKET);
         let params = self.recipe.params;
-        // Writing to a String cannot fail.
         let _ = writeln!(out, "typedef struct {{\n    {params} params;\n    Launch launch;\n}} Constants;");
         let _ = writeln!(out, "typedef struct {{\n    __constant const {params} *params;");
         let _ = writeln!(out, "    __constant const Launch *launch;");
         for (kind, name) in shapes.iter().flat_map(members) {
             let _ = writeln!(out, "    {kind}{name};");
         }
+        if self.shares() {
+            out += "    __global float *scratch;\n";
+        }
         out += "} Bound;\n";
         for shape in shapes {
             if let ShapeKind::Field { bricks, .. } = shape.kind {
                 out += &if bricks { bricks::texel(shape) } else { texel(shape) };
+                out += &texels(shape, self.width);
                 out += &if bricks { bricks::uniform(shape) } else { uniform(shape) };
             }
         }
@@ -174,6 +292,10 @@ impl Source {
                     let _ = writeln!(filled, "    bound.{name} = 0;");
                 }
             }
+        }
+        if self.shares() {
+            arguments += ",\n    __global float *restrict scratch";
+            filled += "    bound.scratch = scratch;\n";
         }
         let (name, entry) = (self.name, entry_point(self.name));
         format!(
@@ -226,6 +348,48 @@ fn uniform(shape: &Shape) -> String {
         "bool uniform_{name}(const Bound *bound, int3 lo, int3 hi, int3 size) {{\n    return false;\n}}\nint \
          empty_{name}(const Bound *bound, int3 at, int3 size) {{\n    return 0;\n}}\n"
     )
+}
+
+/// The function that reads what lookups take together: of floats a texel a lane, of colours one.
+fn texels(shape: &Shape, width: u32) -> String {
+    let ShapeKind::Field { slabs, layered, format, bricks } = shape.kind else { return String::new() };
+    let (name, value) = (shape.name, shape.element.name(OPENCL));
+    let mut out = format!(
+        "FOUND_{value} texels_{name}(const Bound *bound, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z, int3 size, \
+         int layer) {{\n"
+    );
+    let body = match format {
+        _ if width == 1 || value != "float" => {
+            format!("    return texel_{name}(bound, (int3)(x, y, z), size, layer);\n")
+        }
+        _ if slabs == 1 && !layered => {
+            let dense = "    INDEX_float place = (z * size.y + y) * size.x + x;\n".to_owned();
+            let place = if bricks { bricks::places(name, format) } else { dense };
+            place + &fetches(name, format)
+        }
+        _ => format!(
+            "    int column[WIDTH];\n    int row[WIDTH];\n    int slice[WIDTH];\n    float found[WIDTH];\n    \
+             unpack(x, column);\n    unpack(y, row);\n    unpack(z, slice);\n    \
+             for (uint i = 0u; i < WIDTH; i++) {{\n        \
+             found[i] = texel_{name}(bound, (int3)(column[i], row[i], slice[i]), size, layer);\n    }}\n    \
+             return pack(found);\n"
+        ),
+    };
+    out += &body;
+    out + "}\n"
+}
+
+/// The statements that return the texels at `place` of the only slab.
+fn fetches(name: &str, format: FieldFormat) -> String {
+    match format {
+        FieldFormat::Half { .. } => format!(
+            "    int places[WIDTH];\n    float found[WIDTH];\n    unpack(place, places);\n    \
+             for (uint i = 0u; i < WIDTH; i++) {{\n        found[i] = vload_half(places[i], bound->{name}_0);\n    }}\n    \
+             return {};\n",
+            OPENCL.scaled(format, "pack(found)")
+        ),
+        FieldFormat::Scalar | FieldFormat::Rgba => format!("    return fetch(bound->{name}_0, place);\n"),
+    }
 }
 
 mod bricks;

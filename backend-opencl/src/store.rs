@@ -34,6 +34,25 @@ pub(crate) struct Volume {
     parts: Vec<Mem>,
 }
 
+/// Memory that the work-items of a dispatch share, of no meaning behind it. It grows and is kept.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    mem: Option<(Mem, u64)>,
+}
+
+impl Scratch {
+    /// So many bytes at the least.
+    pub(crate) fn of(&mut self, cl: &mut Cl, bytes: u64) -> Result<&Mem, DeviceError> {
+        if self.mem.as_ref().is_none_or(|(_, has)| *has < bytes) {
+            // The old goes first, so that there need not be room for both.
+            self.mem = None;
+            self.mem = Some((cl.zeros(bytes)?, bytes));
+        }
+        let made = self.mem.as_ref().map(|(mem, _)| mem);
+        made.ok_or_else(|| DeviceError::Invalid("there is no scratch memory".into()))
+    }
+}
+
 /// The resources under their ids.
 #[derive(Debug, Default)]
 pub(crate) struct Store {

@@ -121,7 +121,26 @@ const CPU: Backend = Backend {
 
 const WGPU: Backend = Backend { folder: "backend-wgpu/kernels", ending: "wgsl", own: &[], lacks: &[] };
 
-const OPENCL: Backend = Backend { folder: "backend-opencl/kernels", ending: "cl", own: &[], lacks: &[] };
+const OPENCL: Backend = Backend {
+    folder: "backend-opencl/kernels",
+    ending: "cl",
+    own: &[
+        ("field", "colors", LANES),
+        ("trace", "places", LANES),
+        ("march", "store", LANES),
+        ("march", "load", LANES),
+        ("march", "full", "stands in several places of a packet's pixels"),
+        ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
+        ("sweep", "planes", PLANE),
+        ("sweep", "part", PLANE),
+        ("sweep", "corner", PLANE),
+        ("sweep", "load", PLANE),
+        ("sweep", "enter", PLANE),
+        ("sweep", "border", PLANE),
+        ("sweep", "between", PLANE),
+    ],
+    lacks: &[],
+};
 
 const BACKENDS: [Backend; 3] = [CPU, WGPU, OPENCL];
 
@@ -182,7 +201,7 @@ fn declared(ending: &str, text: &str) -> Vec<String> {
 fn c_function(line: &str) -> Option<(&str, &str)> {
     let (before, _) = line.split_once('(')?;
     let (kind, _) = before.split_once(' ')?;
-    let is_type = kind.chars().all(|c| c.is_ascii_alphanumeric()) && !before.ends_with(' ');
+    let is_type = kind.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !before.ends_with(' ');
     (is_type && !line.ends_with(';')).then(|| line.split_at(kind.len() + 1))
 }
 

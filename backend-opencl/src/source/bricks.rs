@@ -1,6 +1,6 @@
 //! Lookups of a field in bricks.
 
-use airlight_core::device::BrickLayout;
+use airlight_core::device::{BrickLayout, FieldFormat};
 
 use super::{OPENCL, Shape, ShapeKind, load};
 
@@ -25,6 +25,20 @@ pub(super) fn texel(shape: &Shape) -> String {
 {value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{
     return within_brick_{name}(bound, brick_{name}(bound, at >> {shift}, size), at & {mask});
 }}
+"
+    )
+}
+
+/// The statements that find the `place` of each lane's texel of the only slab.
+pub(super) fn places(name: &str, format: FieldFormat) -> String {
+    let (block, side) = (BrickLayout::BLOCK, BrickLayout::SIDE);
+    let (shift, mask) = (block.trailing_zeros(), block - 1);
+    let texels = BrickLayout::brick_bytes(format) / format.bytes();
+    format!(
+        "    int3 blocks = (size + {mask}) >> {shift};
+    INDEX_float word = ((z >> {shift}) * blocks.y + (y >> {shift})) * blocks.x + (x >> {shift});
+    INDEX_float brick = as_signed(fetch_uint(bound->{name}_index, word));
+    INDEX_float place = brick * {texels} + ((z & {mask}) * {side} + (y & {mask})) * {side} + (x & {mask});
 "
     )
 }

@@ -41,7 +41,7 @@ fn arguments<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
 #[test]
 fn every_stage_has_a_kernel_of_its_name() {
     for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
-        let source = of(stage);
+        let source = of(stage, Lanes::Sixteen);
         assert_eq!((stage.name(), source.name), (name, name));
         let text = source.text(&shapes(stage, 1, false));
         assert_eq!(text.matches("__kernel").count(), 1, "{name}");
@@ -54,7 +54,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 fn kernels_take_what_their_stages_list_under_the_same_names() {
     for full in [true, false] {
         for stage in &examples(full) {
-            let (source, shapes) = (of(stage), shapes(stage, 2, true));
+            let (source, shapes) = (of(stage, Lanes::One), shapes(stage, 2, true));
             let text = source.text(&shapes);
             let mut taken = arguments(&text, source.name).into_iter();
             assert_eq!(taken.next(), Some("__constant const Constants *constants"));
@@ -85,7 +85,7 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
 #[test]
 fn fields_in_bricks_take_an_index_and_the_number_of_constants() {
     let stage = &examples(true)[0];
-    let text = of(stage).text(&packed(stage, 2, true));
+    let text = of(stage, Lanes::One).text(&packed(stage, 2, true));
     let taken = arguments(&text, "reduce");
     let expected = ["density_index", "density_0", "density_1", "int density_constants", "int density_per_slab"];
     for (got, expected) in taken[1..].iter().zip(expected) {
@@ -135,7 +135,7 @@ fn structs_lie_in_opencl_as_in_rust() {
 fn a_compiler_is_told_the_file_of_every_line() {
     let stages = examples(true);
     let stage = stages.iter().find(|stage| stage.name() == "march").unwrap();
-    let text = of(stage).text(&shapes(stage, 1, false));
+    let text = of(stage, Lanes::Eight).text(&shapes(stage, 1, false));
     let (mut file, mut number) = ("", 0);
     for line in text.lines() {
         number += 1;

@@ -16,9 +16,9 @@ fn every_kernel_builds_with_and_without_what_is_optional_and_in_slabs() {
     for full in [true, false] {
         for stage in &examples(full) {
             for (slabs, layered) in [(1, false), (1, true), (2, false), (MAX_SLABS, true)] {
-                let source = source::of(stage);
+                let source = source::of(stage, device.lanes);
                 let text = source.text(&shapes(stage, slabs, layered));
-                if let Err(error) = device.cl.build(source.name, &text, device.options) {
+                if let Err(error) = device.cl.build(source.name, &text, device.options, source.width) {
                     panic!("{} {full} {slabs} {layered}: {error}", source.name);
                 }
             }
@@ -31,10 +31,9 @@ fn kernels_build_for_halves_and_bricks() {
     let Some(mut device) = device() else { return };
     for stage in &examples(true) {
         for (slabs, bricks) in [(1, false), (1, true), (2, true)] {
-            let source = source::of(stage);
-            if let Err(error) =
-                device.cl.build(source.name, &source.text(&packed(stage, slabs, bricks)), device.options)
-            {
+            let source = source::of(stage, device.lanes);
+            let text = source.text(&packed(stage, slabs, bricks));
+            if let Err(error) = device.cl.build(source.name, &text, device.options, source.width) {
                 panic!("{} {slabs} {bricks}: {error}", source.name);
             }
         }
@@ -52,7 +51,7 @@ fn the_compiler_lays_structs_out_as_rust_does() {
             let (name, pointer) = (field.name, "(__private char *)&value");
             let _ = writeln!(text, "    out[{at}] = (uint)({pointer}.{name} - {pointer});");
         }
-        let built = device.cl.build("layout", &(text + "}\n"), device.options).unwrap();
+        let built = device.cl.build("layout", &(text + "}\n"), device.options, 1).unwrap();
         let out = empty::<u32>(device, id, 1 + T::FIELDS.len());
         device.run_alone(&built, out.id).unwrap();
         let offsets = T::FIELDS.iter().map(|field| field.offset as u32);
@@ -75,7 +74,7 @@ impl crate::OpenclDevice {
         out: airlight_core::device::ResourceId,
     ) -> Result<(), DeviceError> {
         let memory = self.store.buffer(out)?;
-        self.cl.run(built, &[0; 16], &[Arg::Mem(&memory.mem)], 1).map(|_| ())?;
+        self.cl.run(built, &[0; 16], &[Arg::Mem(&memory.mem)], 1, None).map(|_| ())?;
         self.finish().map(|_| ())
     }
 }

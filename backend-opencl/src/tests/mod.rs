@@ -11,7 +11,7 @@ use crate::{OpenclDevice, platform};
 
 /// The first device, opened.
 fn device() -> Option<OpenclDevice> {
-    match platform::open(0) {
+    match platform::open(0, None) {
         Ok(device) => Some(device),
         Err(reason) => {
             let required = std::env::var("AIRLIGHT_REQUIRE").unwrap_or_default();

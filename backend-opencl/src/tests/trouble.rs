@@ -15,11 +15,11 @@ fn kernels_that_do_not_compile_name_their_file_and_line() {
     let Some(mut device) = device() else { return };
     let text = "#line 1 \"kernels/first.cl\"\n#define A 1u\n\n#line 1 \"kernels/second.cl\"\n\n\
                 uint broken(void) {\n    return A + nothing;\n}\n__kernel void k(void) {}\n";
-    let error = device.cl.build("k", text, device.options).unwrap_err().to_string();
+    let error = device.cl.build("k", text, device.options, 1).unwrap_err().to_string();
     assert!(error.starts_with("kernels/second.cl:3:") && error.contains("nothing"), "{error}");
-    let error = device.cl.build("none", "__kernel void k(void) {}", device.options).unwrap_err().to_string();
+    let error = device.cl.build("none", "__kernel void k(void) {}", device.options, 1).unwrap_err().to_string();
     assert!(error.contains("CL_INVALID_KERNEL_NAME"), "{error}");
-    let error = device.cl.build("k", "__kernel void k(void) {}", "-no-such-option").unwrap_err().to_string();
+    let error = device.cl.build("k", "__kernel void k(void) {}", "-no-such-option", 1).unwrap_err().to_string();
     assert!(error.contains("no-such-option"), "{error}");
     // The device goes on.
     device.finish().unwrap();

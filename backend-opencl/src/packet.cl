@@ -1,0 +1,240 @@
+// Packets: WIDTH lanes side by side, which kernels work on whatever WIDTH is. F, I, U and M are floats, integers, unsigned
+// integers and truths, F2 and F3 two and three floats a lane. A device that runs scalar work-items side by side has WIDTH 1, where they are
+// the language's own; one that has vector registers has as many lanes as they. `m ? a : b`, `&`, `|` and `!` of truths and
+// arithmetic are written alike for all.
+
+#define PASTE(a, b) a##b
+#define OF_WIDTH(name, width) PASTE(name, width)
+
+#if WIDTH == 1
+
+typedef float F;
+typedef int I;
+typedef uint U;
+typedef int M;
+typedef float2 F2;
+typedef float3 F3;
+
+// Numbers of the lanes.
+#define LANE 0u
+#define to_float(v) convert_float(v)
+#define to_int(v) convert_int(v)
+#define to_uint(v) convert_uint(v)
+#define any_lane(m) (m)
+#define largest_lane(v) (v)
+#define smallest_lane(v) (v)
+// What memory holds at each lane's index.
+#define fetch(from, i) ((from)[i])
+#define fetch_uint(from, i) ((from)[i])
+#define as_index(v) ((uint)(v))
+#define as_signed(v) ((int)(v))
+// The lanes side by side in memory, and back.
+#define unpack(v, to) ((to)[0] = (v))
+#define pack(from) ((from)[0])
+// e^x for x <= 0.
+#define exp_negative(x) exp(x)
+// A work-item's number among those of its workgroup, how many they are, and where they wait for each other.
+#define MEMBER ((uint)get_local_id(0))
+#define MEMBERS ((uint)get_local_size(0))
+#define TEAM_MEETS barrier(CLK_GLOBAL_MEM_FENCE)
+
+F3 f3(F x, F y, F z) {
+    return (float3)(x, y, z);
+}
+
+#else
+
+typedef OF_WIDTH(float, WIDTH) F;
+typedef OF_WIDTH(int, WIDTH) I;
+typedef OF_WIDTH(uint, WIDTH) U;
+typedef OF_WIDTH(int, WIDTH) M;
+typedef struct {
+    F x;
+    F y;
+} F2;
+typedef struct {
+    F x;
+    F y;
+    F z;
+} F3;
+
+#define to_float(v) OF_WIDTH(convert_float, WIDTH)(v)
+#define to_int(v) OF_WIDTH(convert_int, WIDTH)(v)
+#define to_uint(v) OF_WIDTH(convert_uint, WIDTH)(v)
+#define as_index(v) OF_WIDTH(as_uint, WIDTH)(v)
+#define as_signed(v) OF_WIDTH(as_int, WIDTH)(v)
+#define fetch(from, i) LANES_OF(F, from, i)
+#define fetch_uint(from, i) LANES_OF(U, from, i)
+#define MEMBER 0u
+#define MEMBERS 1u
+#define TEAM_MEETS
+#define unpack(v, to) OF_WIDTH(vstore, WIDTH)(v, 0, to)
+#define pack(from) OF_WIDTH(vload, WIDTH)(0, from)
+
+F3 f3(F x, F y, F z) {
+    F3 v = {x, y, z};
+    return v;
+}
+
+#if WIDTH == 8
+
+#define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7))
+#define LANES_OF(kind, from, i)                                                                                      \
+    ((kind)((from)[(i).s0], (from)[(i).s1], (from)[(i).s2], (from)[(i).s3], (from)[(i).s4], (from)[(i).s5],              \
+         (from)[(i).s6], (from)[(i).s7]))
+
+int any_lane(M m) {
+    int4 four = m.lo | m.hi;
+    int2 two = four.lo | four.hi;
+    return (two.x | two.y) != 0;
+}
+
+float largest_lane(F v) {
+    float4 four = v.lo > v.hi ? v.lo : v.hi;
+    float2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
+#else
+
+#define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#define LANES_OF(kind, from, i)                                                                                      \
+    ((kind)((from)[(i).s0], (from)[(i).s1], (from)[(i).s2], (from)[(i).s3], (from)[(i).s4], (from)[(i).s5],              \
+         (from)[(i).s6], (from)[(i).s7], (from)[(i).s8], (from)[(i).s9], (from)[(i).sa], (from)[(i).sb],              \
+         (from)[(i).sc], (from)[(i).sd], (from)[(i).se], (from)[(i).sf]))
+
+int any_lane(M m) {
+    int8 eight = m.lo | m.hi;
+    int4 four = eight.lo | eight.hi;
+    int2 two = four.lo | four.hi;
+    return (two.x | two.y) != 0;
+}
+
+float largest_lane(F v) {
+    float8 eight = v.lo > v.hi ? v.lo : v.hi;
+    float4 four = eight.lo > eight.hi ? eight.lo : eight.hi;
+    float2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
+#endif
+
+#define smallest_lane(v) (-largest_lane(-(v)))
+
+// e^x for x <= 0, to two units in the last place; e^-87 and below is about 1e-38. The language's own is a call a lane.
+F exp_negative(F x) {
+    x = x > (F)(-87.0f) ? x : (F)(-87.0f);
+    x = x < (F)(0.0f) ? x : (F)(0.0f);
+    F n = floor(x * 1.44269504f + 0.5f);
+    // ln 2 in two parts, the first exact in few bits so that n times it is exact.
+    F r = x - n * 0.693359375f - n * -2.12194440e-4f;
+    // Taylor's series to r^7 over |r| <= ln 2 / 2 ends below 1e-8.
+    F p = (F)(1.0f / 5040.0f);
+    p = p * r + 1.0f / 720.0f;
+    p = p * r + 1.0f / 120.0f;
+    p = p * r + 1.0f / 24.0f;
+    p = p * r + 1.0f / 6.0f;
+    p = p * r + 0.5f;
+    p = p * r + 1.0f;
+    p = p * r + 1.0f;
+    return p * OF_WIDTH(as_float, WIDTH)((to_int(n) + 127) << 23);
+}
+
+#endif
+
+// What lookups of a field take and give: of floats those of all lanes, of colours those of one.
+#define POINT_float F3
+#define POINT_float4 float3
+#define PLACE_float F
+#define PLACE_float4 float
+#define INDEX_float I
+#define INDEX_float4 int
+#define FOUND_float F
+#define FOUND_float4 float4
+#define INT_float to_int
+#define INT_float4 convert_int
+#define FLOAT_float to_float
+#define FLOAT_float4 convert_float
+#define COLORED_float 0
+#define COLORED_float4 1
+
+// Number of a packet's first element within its dispatch.
+size_t number(void) {
+    return get_global_id(0) * WIDTH;
+}
+
+// Numbers of the elements of the packet that begins with `first`, of so many; lanes past the last repeat it.
+U elements(size_t first, uint count) {
+    U n = (uint)first + LANE;
+    return n < count ? n : (U)(count - 1u);
+}
+
+// Its lanes that are not past the last.
+M filled(size_t first, uint count) {
+    return (uint)first + LANE < count;
+}
+
+// Stores the lanes that are marked, each at its index.
+void put(F v, __global float *to, U index, const int *marked) {
+    float values[WIDTH];
+    uint at[WIDTH];
+    unpack(v, values);
+    unpack(index, at);
+    for (uint i = 0u; i < WIDTH; i++) {
+        if (marked[i]) {
+            to[at[i]] = values[i];
+        }
+    }
+}
+
+// Adds them to what is there.
+void add_to(F v, __global float *to, U index, const int *marked) {
+    float values[WIDTH];
+    uint at[WIDTH];
+    unpack(v, values);
+    unpack(index, at);
+    for (uint i = 0u; i < WIDTH; i++) {
+        if (marked[i]) {
+            to[at[i]] += values[i];
+        }
+    }
+}
+
+// The lesser, and `b` where `a` is not a number.
+F lesser(F a, F b) {
+    return a < b ? a : b;
+}
+
+// The greater, and `b` where `a` is not a number.
+F greater(F a, F b) {
+    return a > b ? a : b;
+}
+
+// The same value in all lanes.
+F3 all3(float3 v) {
+    return f3((F)(v.x), (F)(v.y), (F)(v.z));
+}
+
+F3 add3(F3 a, F3 b) {
+    return f3(a.x + b.x, a.y + b.y, a.z + b.z);
+}
+
+F3 sub3(F3 a, F3 b) {
+    return f3(a.x - b.x, a.y - b.y, a.z - b.z);
+}
+
+F3 mul3(F3 a, F3 b) {
+    return f3(a.x * b.x, a.y * b.y, a.z * b.z);
+}
+
+F3 scale3(F3 a, F b) {
+    return f3(a.x * b, a.y * b, a.z * b);
+}
+
+F dot3(F3 a, F3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+F3 pick3(M m, F3 yes, F3 no) {
+    return f3(m ? yes.x : no.x, m ? yes.y : no.y, m ? yes.z : no.z);
+}

@@ -1,0 +1,48 @@
+//! Kernels in OpenCL C that work on packets agree with their twins in f64 whatever number of lanes they are built with: cases of
+//! every stage that has such a kernel, on the first OpenCL device. Without one the test says that it was skipped, or fails where
+//! `AIRLIGHT_REQUIRE` names `opencl`.
+
+use airlight::device::Device;
+use airlight_conformance::{Subject, cases, listed};
+use airlight_opencl::{Lanes, OpenclDevice};
+
+/// Between them they take every branch that packets and scalars write differently.
+const CASES: [&str; 15] = [
+    "stage::inject::gaussians_rotated",
+    "stage::inject::gaussians_sheared",
+    "stage::inject::noise_plain",
+    "stage::project::colored_weights",
+    "stage::project::toward_eye_with_emission",
+    "stage::march::everything",
+    "stage::march::columns_of_seven_lights",
+    "stage::march::several_by_maps",
+    "stage::trace::room",
+    "stage::shade::several",
+    "stage::shadow::several",
+    "stage::illuminate::surfaces",
+    "stage::obstruct::few_cells",
+    "stage::sweep::everything_between_surfaces",
+    "stage::classify::seen",
+];
+
+#[test]
+fn packets_of_every_number_of_lanes_agree_with_their_twins() {
+    if let Err(reason) = OpenclDevice::with_lanes(0, Lanes::One) {
+        assert!(!listed("AIRLIGHT_REQUIRE").iter().any(|id| id == "opencl"), "opencl is required: {reason}");
+        eprintln!("SKIPPED, because opencl has no device: {reason}");
+        return;
+    }
+    for lanes in [Lanes::One, Lanes::Eight, Lanes::Sixteen] {
+        let subject = Subject::new(format!("opencl with {lanes:?}"), move || {
+            let device = OpenclDevice::with_lanes(0, lanes).map_err(|reason| reason.to_string())?;
+            Ok(Box::new(device) as Box<dyn Device>)
+        });
+        let chosen: Vec<_> = cases().into_iter().filter(|case| CASES.contains(&case.name())).collect();
+        assert_eq!(chosen.len(), CASES.len(), "a case has another name now");
+        for case in &chosen {
+            if let Err(failed) = case.run(&subject).verdict() {
+                panic!("{}, {}: {}", subject.name(), case.name(), failed.message().unwrap_or("failed"));
+            }
+        }
+    }
+}
