@@ -24,8 +24,8 @@ fn accumulate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id
         return;
     }
     let at = y * params.width + x;
-    let light = medium[2u * at];
-    let through = medium[2u * at + 1u];
+    let light = read_medium(2u * at);
+    let through = read_medium(2u * at + 1u);
     var past: Past;
     if params.mode == ACCUMULATE_MOVED {
         past = clamped(followed(x, y, light, through), x, y);
@@ -65,9 +65,9 @@ fn accumulate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id
 
 // The history of a pixel; none where it is not finite.
 fn recalled(at: u32) -> Past {
-    let a = last[3u * at];
-    let b = last[3u * at + 1u];
-    let c = last[3u * at + 2u];
+    let a = read_last(3u * at);
+    let b = read_last(3u * at + 1u);
+    let c = read_last(3u * at + 2u);
     if !(finite(a.x) && finite(a.y) && finite(a.z) && finite(a.w) && finite(b.x) && finite(b.y) && finite(b.z)) {
         return Past(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), launch.infinity, FAR);
     }
@@ -144,13 +144,13 @@ fn clamped(past: Past, x: u32, y: u32) -> Past {
         let column = min(max(x + i % 3u, 1u) - 1u, params.width - 1u);
         let row = min(max(y + i / 3u, 1u) - 1u, params.height - 1u);
         let at = 2u * (row * params.width + column);
-        if medium[at].w < 0.0 {
+        if read_medium(at).w < 0.0 {
             continue;
         }
-        least = min(least, medium[at].xyz);
-        most = max(most, medium[at].xyz);
-        thinnest = min(thinnest, medium[at + 1u].xyz);
-        thickest = max(thickest, medium[at + 1u].xyz);
+        least = min(least, read_medium(at).xyz);
+        most = max(most, read_medium(at).xyz);
+        thinnest = min(thinnest, read_medium(at + 1u).xyz);
+        thickest = max(thickest, read_medium(at + 1u).xyz);
     }
     var found = past;
     found.radiance = clamp(past.radiance, least, most);

@@ -4,10 +4,10 @@
 fn choose(at: u32, count: u32, numbers: ptr<function, Draws>) -> u32 {
     let place = min(u32(draw(numbers) * f32(count)), count - 1u);
     let item = at + CHOICE * place;
-    if draw(numbers) < tables[item] {
+    if draw(numbers) < read_tables(item) {
         return place;
     }
-    return u32(tables[item + 1u]);
+    return u32(read_tables(item + 1u));
 }
 
 // The direction at cosine `c` to a unit `d`, so many turns around it (frame of Duff et al. 2017).
@@ -77,7 +77,7 @@ fn bend_density(c: f32) -> f32 {
     if params.phase_kind == PHASE_TABLE {
         let last = phase_size() - 1u;
         let piece = min(u32(angle_of_cosine(c) / PI * f32(last)), last - 1u);
-        return tables[params.bends_at + CHOICE * piece + 2u];
+        return read_tables(params.bends_at + CHOICE * piece + 2u);
     }
     return phase(c);
 }

@@ -35,10 +35,10 @@ fn classify(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
 fn point(value: f32) -> ControlRecord {
     var below = 0u;
     for (var i = 0u; i < params.count; i++) {
-        below += u32(points[i].place.x <= value);
+        below += u32(read_points(i).place.x <= value);
     }
-    let a = points[max(below, 1u) - 1u];
-    let b = points[min(below, params.count - 1u)];
+    let a = read_points(max(below, 1u) - 1u);
+    let b = read_points(min(below, params.count - 1u));
     let width = b.place.x - a.place.x;
     // Beyond the ends both are one point, and between them never.
     let f = select(0.0, (value - a.place.x) / width, width > 0.0);

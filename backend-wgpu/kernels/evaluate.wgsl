@@ -20,7 +20,7 @@ fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
         sum = evaluated[unit].xyz;
     }
     for (var j = params.coefficient_begin; j < params.coefficient_end; j++) {
-        sum += views[cluster * params.coefficients + j] * moment(unit * params.coefficients + j);
+        sum += read_views(cluster * params.coefficients + j) * moment(unit * params.coefficients + j);
     }
     evaluated[unit] = vec4<f32>(sum, 0.0);
 }
@@ -30,7 +30,7 @@ fn moment(row: u32) -> vec3<f32> {
     let first = row * params.functions;
     var sum = vec3<f32>(0.0);
     for (var k = 0u; k < params.functions; k++) {
-        sum += matrices[first + k] * vec3<f32>(light[k], light[params.functions + k], light[2u * params.functions + k]);
+        sum += read_matrices(first + k) * vec3<f32>(read_light(k), read_light(params.functions + k), read_light(2u * params.functions + k));
     }
     return sum;
 }

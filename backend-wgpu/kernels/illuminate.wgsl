@@ -23,7 +23,7 @@ fn illuminate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     }
     var basis: array<f32, HARMONICS_MAX>;
     for (var i = params.light_begin; i < params.light_end; i++) {
-        let record = lights[i];
+        let record = read_lights(i);
         let light = incident(record, d, t);
         let power = arriving(record, light, at, index);
         if max(power.x, max(power.y, power.z)) <= 0.0 {
@@ -59,5 +59,5 @@ fn blocks() -> vec4<u32> {
 
 // Constant `i` of the spherical harmonics.
 fn harmonics_value(i: u32) -> f32 {
-    return tables[i];
+    return read_tables(i);
 }

@@ -63,12 +63,12 @@ fn bell(q: f32) -> f32 {
 fn gaussians(at: vec3<u32>, brick: vec3<u32>, sums: ptr<function, array<f32, BRICK>>) {
     let bin = brick >> vec3<u32>(params.bricks.w);
     let number = (bin.z * params.bins.y + bin.y) * params.bins.x + bin.x;
-    let start = starts[number];
-    let entries = starts[number + 1u] - start;
+    let start = read_starts(number);
+    let entries = read_starts(number + 1u) - start;
     let first = place(at);
     let up = vec3<f32>(params.place_x.z, params.place_y.z, params.place_z.z);
     for (var i = params.list_begin; i < min(params.list_end, entries); i++) {
-        let blob = blobs[list[start + i]];
+        let blob = read_blobs(read_list(start + i));
         let from_center = first - blob.center.xyz;
         for (var k = 0u; k < BRICK; k++) {
             let d = from_center + f32(k) * up;

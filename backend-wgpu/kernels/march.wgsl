@@ -1,7 +1,7 @@
 // `march`: view rays through the medium. One workgroup a block of BLOCK×BLOCK pixels.
 
 fn phase_value(i: u32) -> f32 {
-    return tables[params.phase_at + i];
+    return read_tables(params.phase_at + i);
 }
 
 fn phase_size() -> u32 {
@@ -9,7 +9,7 @@ fn phase_size() -> u32 {
 }
 
 fn harmonics_value(i: u32) -> f32 {
-    return tables[params.harmonics_at + i];
+    return read_tables(params.harmonics_at + i);
 }
 
 // One view ray.
@@ -64,13 +64,13 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     let ends = params.step_end == ALL_STEPS;
     for (var s = params.sample_begin; s < params.sample_end; s++) {
-        let a = (f32(fx) + tables[2u * s]) * (2.0 / f32(params.full_width)) - 1.0;
-        let b = 1.0 - (f32(fy) + tables[2u * s + 1u]) * (2.0 / f32(params.full_height));
+        let a = (f32(fx) + read_tables(2u * s)) * (2.0 / f32(params.full_width)) - 1.0;
+        let b = 1.0 - (f32(fy) + read_tables(2u * s + 1u)) * (2.0 / f32(params.full_height));
         let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
         let direction = toward / length(toward);
         var seen = vec4<f32>(0.0, 0.0, 0.0, FAR);
         if has_surface {
-            seen = surface[full * params.surface_samples + s % params.surface_samples];
+            seen = read_surface(full * params.surface_samples + s % params.surface_samples);
         }
         let limit = min(seen.w, FAR);
         var path = enter(direction, limit, jitter(x, y, s));
@@ -110,7 +110,7 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     if params.alone != ALONE_NO {
         last = FAR;
         if has_surface {
-            last = min(surface[full * params.surface_samples].w, FAR);
+            last = min(read_surface(full * params.surface_samples).w, FAR);
         }
     }
     film[2u * pixel] = vec4<f32>(color * scale, last);
@@ -128,7 +128,7 @@ fn rim(x: u32, y: u32) -> bool {
         let fy = min(row * params.scale + params.scale / 2u, params.full_height - 1u);
         var distance = FAR;
         if has_surface {
-            distance = min(surface[fy * params.full_width + fx].w, FAR);
+            distance = min(read_surface(fy * params.full_width + fx).w, FAR);
         }
         nearest = min(nearest, distance);
         farthest = max(farthest, distance);
@@ -142,7 +142,7 @@ fn jitter(x: u32, y: u32, s: u32) -> f32 {
         return 0.5;
     }
     let at = params.jitter_at + params.samples + y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
-    let place = tables[at] + tables[params.jitter_at + s] + params.jitter_offset;
+    let place = read_tables(at) + read_tables(params.jitter_at + s) + params.jitter_offset;
     return place - floor(place);
 }
 
@@ -281,7 +281,7 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
         if i % 4u == 0u {
             depths = light_depths(at, i / 4u);
         }
-        let record = lights[i];
+        let record = read_lights(i);
         let light = incident(record, direction, t);
         if light.falloff <= 0.0 {
             continue;
@@ -359,7 +359,7 @@ fn mapped(record: LightRecord, light: Incident, at: vec3<f32>) -> f32 {
         let high = vec2<u32>(k & 1u, k >> 1u);
         let weights = select(1.0 - f, f, high == vec2<u32>(1u));
         let texel = min(low + high, vec2<u32>(params.map_side - 1u));
-        let held = shadow_map[(first + texel.y) * params.map_side + texel.x];
+        let held = read_shadow_map((first + texel.y) * params.map_side + texel.x);
         sum += select(0.0, weights.x * weights.y, depth <= held);
     }
     return sum;

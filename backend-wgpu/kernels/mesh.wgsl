@@ -38,10 +38,10 @@ fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
     var node = begin;
     while node < end {
         if !meets(way, node, far) {
-            node = mesh[2u * node].number;
+            node = read_mesh(2u * node).number;
             continue;
         }
-        let leaf = mesh[2u * node + 1u].number;
+        let leaf = read_mesh(2u * node + 1u).number;
         let first = leaf >> MESH_COUNT_BITS;
         for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
             let at = crossed(way, first + k);
@@ -60,10 +60,10 @@ fn blocked(way: Line, limit: f32) -> bool {
     var node = 0u;
     while node < params.nodes {
         if !meets(way, node, limit) {
-            node = mesh[2u * node].number;
+            node = read_mesh(2u * node).number;
             continue;
         }
-        let leaf = mesh[2u * node + 1u].number;
+        let leaf = read_mesh(2u * node + 1u).number;
         let first = leaf >> MESH_COUNT_BITS;
         for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
             let at = crossed(way, first + k);
@@ -113,7 +113,7 @@ fn crossed(way: Line, triangle: u32) -> vec4<f32> {
 
 // The place of a record.
 fn place(record: u32) -> vec3<f32> {
-    let at = mesh[record];
+    let at = read_mesh(record);
     return vec3<f32>(at.x, at.y, at.z);
 }
 

@@ -1,7 +1,7 @@
 // `path`: unbiased paths of light through everything. One invocation a pixel.
 
 fn phase_value(i: u32) -> f32 {
-    return tables[params.phase_at + i];
+    return read_tables(params.phase_at + i);
 }
 
 fn phase_size() -> u32 {
@@ -185,7 +185,7 @@ fn from_mesh(place: vec3<f32>) -> vec3<f32> {
 // What stands behind a pixel; nothing without a background.
 fn behind(here: u32) -> vec4<f32> {
     if has_background {
-        return background[here];
+        return read_background(here);
     }
     return vec4<f32>(0.0, 0.0, 0.0, FAR);
 }
@@ -374,12 +374,12 @@ fn sky_density(d: vec3<f32>) -> f32 {
     let column = u32((u - floor(u)) * f32(params.sky_columns));
     let row = u32(angle_of_cosine(d.y) / PI * f32(params.sky_rows));
     let cell = min(row, params.sky_rows - 1u) * params.sky_columns + min(column, params.sky_columns - 1u);
-    return tables[params.sky_at + CHOICE * cell + 2u] * chance(params.lights);
+    return read_tables(params.sky_at + CHOICE * cell + 2u) * chance(params.lights);
 }
 
 // The probability that a light, or behind them all the environment, is chosen.
 fn chance(item: u32) -> f32 {
-    return tables[params.choices_at + CHOICE * item + 2u];
+    return read_tables(params.choices_at + CHOICE * item + 2u);
 }
 
 // A direction toward the environment.
@@ -387,7 +387,7 @@ fn toward_sky(numbers: ptr<function, Draws>) -> vec3<f32> {
     let cell = choose(params.sky_at, params.sky_columns * params.sky_rows, numbers);
     let u = (f32(cell % params.sky_columns) + draw(numbers)) / f32(params.sky_columns) - params.environment.w;
     let edge = params.edges_at + cell / params.sky_columns;
-    let y = tables[edge] + (tables[edge + 1u] - tables[edge]) * draw(numbers);
+    let y = read_tables(edge) + (read_tables(edge + 1u) - read_tables(edge)) * draw(numbers);
     let p = circle(u - floor(u));
     let planar = sqrt(max(1.0 - y * y, 0.0));
     return vec3<f32>(planar * p.y, y, -planar * p.x);
@@ -419,7 +419,7 @@ fn look(way: ptr<function, Way>, at: Spot, numbers: ptr<function, Draws>) -> boo
     var distance = FAR;
     var arriving = vec3<f32>(0.0);
     if item < params.lights {
-        let record = lights[item];
+        let record = read_lights(item);
         let light = incident(record, (*way).place, 1.0);
         toward = light.toward;
         distance = min(light.distance, FAR);

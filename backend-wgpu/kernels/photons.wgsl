@@ -1,7 +1,7 @@
 // `photons`: light that the medium scatters, left on the cells of a coarse grid. One invocation a photon.
 
 fn phase_value(i: u32) -> f32 {
-    return tables[params.phase_at + i];
+    return read_tables(params.phase_at + i);
 }
 
 fn phase_size() -> u32 {
@@ -9,7 +9,7 @@ fn phase_size() -> u32 {
 }
 
 fn harmonics_value(i: u32) -> f32 {
-    return tables[i];
+    return read_tables(i);
 }
 
 // A photon on its way.
@@ -54,7 +54,7 @@ fn photons(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         return;
     }
     let unit = launch.start + n;
-    let source = directions[unit % params.listed];
+    let source = read_directions(unit % params.listed);
     let name = (params.round + unit / params.listed) * params.directions + source.number;
     var numbers = draws(name, 0u, params.seed, 0u);
     var photon = enter(source, &numbers);
@@ -265,7 +265,7 @@ fn share(cells: vec3<i32>, cell: vec3<i32>, place: vec3<f32>) -> f32 {
     if any(cell < vec3<i32>(0)) || any(cell >= cells) {
         return 0.0;
     }
-    if rows[(cell.z * cells.y + cell.y) * cells.x + cell.x] == 0u {
+    if read_rows(u32((cell.z * cells.y + cell.y) * cells.x + cell.x)) == 0u {
         return 0.0;
     }
     let way = vec3<f32>(cell) + 0.5 - place;
@@ -275,7 +275,7 @@ fn share(cells: vec3<i32>, cell: vec3<i32>, place: vec3<f32>) -> f32 {
 
 // Adds light to the moments of a cell. Whether it has a row.
 fn land(cargo: ptr<function, Cargo>, cell: u32, light: f32) -> bool {
-    let row = rows[cell];
+    let row = read_rows(cell);
     if row == 0u || row > params.rows {
         return false;
     }
@@ -284,7 +284,7 @@ fn land(cargo: ptr<function, Cargo>, cell: u32, light: f32) -> bool {
     let up = draw(&rounding);
     let count = params.bands * params.bands;
     for (var i = 0u; i < (*cargo).count; i++) {
-        let weight = weights[(*cargo).weights + i];
+        let weight = read_weights((*cargo).weights + i);
         let light_number = u32(weight.x);
         if light_number < params.lights {
             let at = ((row - 1u) * params.lights + light_number) * count;

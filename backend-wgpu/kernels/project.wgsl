@@ -9,11 +9,11 @@ var<workgroup> transmittances: array<vec3<f32>, LANES>;
 var<workgroup> glows: array<vec3<f32>, LANES>;
 
 fn phase_value(i: u32) -> f32 {
-    return phase_table[i];
+    return read_phase_table(i);
 }
 
 fn phase_size() -> u32 {
-    return arrayLength(&phase_table);
+    return length_phase_table();
 }
 
 @compute @workgroup_size(LANES)
@@ -41,7 +41,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     }
     var occupied = true;
     if has_occupancy {
-        occupied = occupancy[place].y > 0.0;
+        occupied = read_occupancy(place).y > 0.0;
     }
     if occupied {
         let x = cell % params.cells.x;
@@ -52,7 +52,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         for (var first = params.direction_begin; first < params.direction_end; first += LANES) {
             let batch = min(LANES, params.direction_end - first);
             if lane < batch {
-                gather(origin, directions[first + lane].xyz, lane);
+                gather(origin, read_directions(first + lane).xyz, lane);
             }
             workgroupBarrier();
             for (var slot = 0u; slot < SLOTS; slot++) {
@@ -111,7 +111,7 @@ fn sum_record(sum: f32, v: u32, channels: u32, first: u32, batch: u32) -> f32 {
     let channel = select(0u, c, params.channels == 3u);
     var total = sum;
     for (var i = 0u; i < batch; i++) {
-        total += transmittances[i][channel] * weights[(first + i) * stride + at];
+        total += transmittances[i][channel] * read_weights((first + i) * stride + at);
     }
     return total;
 }
@@ -122,7 +122,7 @@ fn sum_glow(sum: f32, v: u32, first: u32, batch: u32) -> f32 {
     let c = v % 3u;
     var total = sum;
     for (var i = 0u; i < batch; i++) {
-        total += glows[i][c] * emission_weights[(first + i) * params.emission_coefficients + k];
+        total += glows[i][c] * read_emission_weights((first + i) * params.emission_coefficients + k);
     }
     return total;
 }

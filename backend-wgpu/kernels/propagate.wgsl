@@ -13,14 +13,14 @@ fn propagate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_ind
     var at = vec3<i32>(-1);
     var value = 0.0;
     if params.scheme == SCHEME_SHORT_CHARACTERISTICS {
-        let face = faces[step * params.lights + light];
+        let face = read_faces(step * params.lights + light);
         at = on_face(face, n);
         if !inside(at) {
             return;
         }
         value = mean(face, light, at);
     } else {
-        at = in_shell(lights[light].first.xyz, step, n);
+        at = in_shell(read_lights(light).first.xyz, step, n);
         if !inside(at) {
             return;
         }
@@ -67,7 +67,7 @@ fn in_shell(first: vec3<u32>, step: u32, n: u32) -> vec3<i32> {
 
 // Mean density along the way within the box.
 fn mean(face: LightFace, light: u32, at: vec3<i32>) -> f32 {
-    let place = lights[light].place;
+    let place = read_lights(light).place;
     let size = vec3<f32>(params.dims.xyz);
     let has_place = place.w == 1.0;
     var u = place.xyz;
@@ -97,7 +97,7 @@ fn mean(face: LightFace, light: u32, at: vec3<i32>) -> f32 {
 
 // Mean density where the way meets the next plane of centres along `axis`.
 fn interpolated(light: u32, at: vec3<i32>, u: vec3<f32>, longest: f32, axis: u32) -> f32 {
-    let far = lights[light].place.w == 0.0;
+    let far = read_lights(light).place.w == 0.0;
     let hop = select(vec3<i32>(1), vec3<i32>(-1), u < vec3<f32>(0.0));
     let b = select(0u, 1u, axis == 0u);
     let c = select(2u, 1u, axis == 2u);
@@ -151,12 +151,12 @@ fn nodes(x: i32, cells: i32, u: f32, longest: f32, far: bool) -> vec4<f32> {
 
 // Column gathered from the neighbours toward the light.
 fn gathered(light: u32, at: vec3<i32>) -> f32 {
-    let place = lights[light].place;
+    let place = read_lights(light).place;
     var u = place.xyz;
     if place.w == 1.0 {
         u = place.xyz - vec3<f32>(at);
     }
-    let local = occupancy[index(at, 0u) / (4u * params.cells.w)].x;
+    let local = read_occupancy(index(at, 0u) / (4u * params.cells.w)).x;
     let edges = vec3<f32>(
         metres(vec3<f32>(1.0, 0.0, 0.0)),
         metres(vec3<f32>(0.0, 1.0, 0.0)),

@@ -8,13 +8,13 @@ fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_i
     }
     let cell = launch.start + n;
     let place = cell - launch.first;
-    let row = min(rows[place], params.rows);
+    let row = min(read_rows(place), params.rows);
     let moments = params.bands * params.bands;
     if params.view == 0u {
         for (var j = 0u; j < moments; j++) {
             var light = vec3<f32>(0.0);
             if row > 0u {
-                light = tables[j] * arriving(row - 1u, j);
+                light = read_tables(j) * arriving(row - 1u, j);
             }
             in_scatter[place * moments + j] = vec4<f32>(light, 0.0);
         }
@@ -25,7 +25,7 @@ fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_i
         var basis: array<f32, HARMONICS_MAX>;
         harmonics(view_direction(cell), params.bands, &basis);
         for (var j = 0u; j < moments; j++) {
-            sum += tables[j] * basis[j] * arriving(row - 1u, j);
+            sum += read_tables(j) * basis[j] * arriving(row - 1u, j);
         }
     }
     in_scatter[place] = vec4<f32>(sum, 0.0);
@@ -44,12 +44,12 @@ fn arriving(row: u32, j: u32) -> vec3<f32> {
 fn restored(channel: u32, row: u32, j: u32) -> vec3<f32> {
     let moments = params.bands * params.bands;
     let place = channel * params.rows + row;
-    let cluster = min(clusters[place], params.clusters - 1u);
+    let cluster = min(read_clusters(place), params.clusters - 1u);
     var at = (channel * params.clusters + cluster) * (1u + params.components) * moments + j;
-    var sum = radiance[at].xyz;
+    var sum = read_radiance(at).xyz;
     for (var i = 0u; i < params.components; i++) {
         at += moments;
-        sum += weights[place * params.components + i] * radiance[at].xyz;
+        sum += read_weights(place * params.components + i) * read_radiance(at).xyz;
     }
     return sum;
 }
@@ -69,5 +69,5 @@ fn view_direction(cell: u32) -> vec3<f32> {
 
 // Constant `i` of the spherical harmonics.
 fn harmonics_value(i: u32) -> f32 {
-    return tables[params.bands * params.bands + i];
+    return read_tables(params.bands * params.bands + i);
 }

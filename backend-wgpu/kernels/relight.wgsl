@@ -11,11 +11,11 @@ fn relight(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         var sum = vec3<f32>(0.0);
         if params.layers == 1u {
             for (var k = 0u; k < params.coefficients; k++) {
-                sum += light[k].xyz * record(cell, k);
+                sum += read_light(k).xyz * record(cell, k);
             }
             sum += params.emission_weight * glow(cell, 0u);
         } else {
-            sum = light[layer].xyz * (record(cell, layer) + glow(cell, layer));
+            sum = read_light(layer).xyz * (record(cell, layer) + glow(cell, layer));
         }
         in_scatter[cell * params.layers + layer] = vec4<f32>(sum, 0.0);
     }
@@ -31,9 +31,9 @@ fn record(cell: u32, k: u32) -> vec3<f32> {
         pitch = params.cells;
     }
     if params.channels == 1u {
-        return vec3<f32>(records[first]);
+        return vec3<f32>(read_records(first));
     }
-    return vec3<f32>(records[first], records[first + pitch], records[first + 2u * pitch]);
+    return vec3<f32>(read_records(first), read_records(first + pitch), read_records(first + 2u * pitch));
 }
 
 // Coefficient `k` of the emission's moments.
@@ -42,5 +42,5 @@ fn glow(cell: u32, k: u32) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let at = (cell * params.emission_coefficients + k) * 3u;
-    return vec3<f32>(emission_records[at], emission_records[at + 1u], emission_records[at + 2u]);
+    return vec3<f32>(read_emission_records(at), read_emission_records(at + 1u), read_emission_records(at + 2u));
 }

@@ -23,7 +23,7 @@ fn skip(ray: Ray, t: f32, k: f32, blocks: vec4<u32>) -> f32 {
     let at = ray.origin + t * ray.direction;
     let block = clamp(floor((at + 0.5) / side), vec3<f32>(0.0), vec3<f32>(blocks.xyz - 1u));
     let cell = vec3<u32>(block);
-    if occupancy[(cell.z * blocks.y + cell.y) * blocks.x + cell.x].y > 0.0 {
+    if read_occupancy((cell.z * blocks.y + cell.y) * blocks.x + cell.x).y > 0.0 {
         return -1.0;
     }
     let wall = select(block * side - 0.5, (block + 1.0) * side - 0.5, ray.direction > vec3<f32>(0.0));

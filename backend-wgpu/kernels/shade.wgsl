@@ -9,11 +9,11 @@ fn shade(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
     let unit = launch.start + n;
     // What is bound in parts is bound from a pixel on.
     let here = unit - launch.first * params.samples;
-    let hit = hits[2u * here];
-    let facet = hits[2u * here + 1u];
+    let hit = read_hits(2u * here);
+    let facet = read_hits(2u * here + 1u);
     var back = vec4<f32>(0.0, 0.0, 0.0, launch.infinity);
     if has_background {
-        back = background[here / params.samples];
+        back = read_background(here / params.samples);
     }
     if min(hit.w, FAR) >= min(back.w, FAR) {
         surface[here] = back;
@@ -34,7 +34,7 @@ fn shade(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
 // What a surface sends back along `d` of light `i`. `hit`: its normal and distance; `facet`: the triangle's normal and
 // material.
 fn reflected(i: u32, d: vec3<f32>, hit: vec4<f32>, facet: vec4<f32>) -> vec3<f32> {
-    let record = lights[i];
+    let record = read_lights(i);
     let light = incident(record, d, hit.w);
     let facing = dot(hit.xyz, light.toward);
     if light.falloff <= 0.0 || facing <= 0.0 || dot(facet.xyz, light.toward) <= 0.0 {
@@ -56,7 +56,7 @@ fn reflected(i: u32, d: vec3<f32>, hit: vec4<f32>, facet: vec4<f32>) -> vec3<f32
 
 // The share of light from `toward` that a material of this normal sends back along `d`, per steradian.
 fn material(number: u32, d: vec3<f32>, toward: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let record = materials[number];
+    let record = read_materials(number);
     let mirrored = 2.0 * dot(normal, toward) * normal - toward;
     let cosine = -dot(mirrored, d);
     var lobe = 0.0;

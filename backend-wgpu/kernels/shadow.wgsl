@@ -11,10 +11,10 @@ fn shadow(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     let number = texel / (params.side * params.side);
     // The light whose face it is.
     var i = 0u;
-    while i + 1u < params.lights && u32(lights[i + 1u].power.w) <= number {
+    while i + 1u < params.lights && u32(read_lights(i + 1u).power.w) <= number {
         i++;
     }
-    let light = lights[i];
+    let light = read_lights(i);
     let plane = face(light, number - u32(light.power.w), params.extent);
     let x = (f32(texel % params.side) + 0.5) * (2.0 / f32(params.side)) - 1.0;
     let y = (f32(texel / params.side % params.side) + 0.5) * (2.0 / f32(params.side)) - 1.0;

@@ -35,10 +35,10 @@ fn spot(surface: bool, p: vec3<f32>, direction: vec3<f32>, triangle: u32) -> Spo
         normal = facet;
     }
     normal = select(normal, -normal, dot(normal, facet) < 0.0);
-    let m = params.materials_at + 8u * mesh[first + 3u].number;
-    let diffuse = vec3<f32>(tables[m], tables[m + 1u], tables[m + 2u]);
-    let specular = vec3<f32>(tables[m + 4u], tables[m + 5u], tables[m + 6u]);
-    return Spot(true, normal, facet, diffuse, specular, tables[m + 3u]);
+    let m = params.materials_at + 8u * read_mesh(first + 3u).number;
+    let diffuse = vec3<f32>(read_tables(m), read_tables(m + 1u), read_tables(m + 2u));
+    let specular = vec3<f32>(read_tables(m + 4u), read_tables(m + 5u), read_tables(m + 6u));
+    return Spot(true, normal, facet, diffuse, specular, read_tables(m + 3u));
 }
 
 // The share of light from `toward` that is scattered back along `origin`, per steradian: on a surface times the cosine.

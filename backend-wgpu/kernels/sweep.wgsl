@@ -21,7 +21,7 @@ fn sweep(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
 // Radiance of cell `item` of the plane that a step finishes, of direction `n` of the batch that begins with `first`.
 fn advance(n: u32, first: u32, step: u32, item: u32) {
     let direction = first + n;
-    let way = directions[direction];
+    let way = read_directions(direction);
     let axis = way.axis;
     let b = select(0u, 1u, axis == 0u);
     let c = select(2u, 1u, axis == 2u);
@@ -51,8 +51,8 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             to[c] += hop[c] * (i / 2);
             let weight = select(1.0 - way.first, way.first, i % 2 == 1) * select(1.0 - way.second, way.second, i / 2 == 1);
             if has_obstructed && obstructs(cell, to - at) {
-                extinction += weight * optics[channel * count + cell];
-                emission += weight * optics[(6u + channel) * count + cell];
+                extinction += weight * read_optics(channel * count + cell);
+                emission += weight * read_optics((6u + channel) * count + cell);
                 if params.source_coefficients > 0u {
                     upwind += weight * source(direction, channel, cell);
                 }
@@ -62,8 +62,8 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             let near = clamp(to, vec3<i32>(0), vec3<i32>(cells.xyz) - 1);
             let near_cell = select((u32(near.z) * cells.y + u32(near.y)) * cells.x + u32(near.x), cell, step == 0u);
             if all(near == to) {
-                extinction += weight * optics[channel * count + near_cell];
-                emission += weight * optics[(6u + channel) * count + near_cell];
+                extinction += weight * read_optics(channel * count + near_cell);
+                emission += weight * read_optics((6u + channel) * count + near_cell);
                 arriving += weight * radiance[(n * params.channels + channel) * count + near_cell];
             } else {
                 arriving += weight * params.boundary;
@@ -73,7 +73,7 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             }
         }
         if channel == 0u || params.grey == 0u {
-            tau = (optics[channel * count + cell] + extinction) * (0.5 * way.length);
+            tau = (read_optics(channel * count + cell) + extinction) * (0.5 * way.length);
             piece = segment(tau);
         }
         var light = piece.x * arriving;
@@ -82,7 +82,7 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             light += own * (tau * piece.y) + (upwind - own) * leaning(tau, piece);
         }
         if params.emits == 1u {
-            light += piece.y * (0.5 * way.length) * (optics[(6u + channel) * count + cell] + emission);
+            light += piece.y * (0.5 * way.length) * (read_optics((6u + channel) * count + cell) + emission);
         }
         radiance[(n * params.channels + channel) * count + cell] = light;
     }
@@ -99,7 +99,7 @@ fn leaning(tau: f32, piece: vec2<f32>) -> f32 {
 // Whether a surface stands between a cell and its neighbour so many cells on.
 fn obstructs(cell: u32, hop: vec3<i32>) -> bool {
     let bit = vec3<u32>(hop + 1);
-    return ((obstructed[cell] >> (bit.z * 9u + bit.y * 3u + bit.x)) & 1u) == 1u;
+    return ((read_obstructed(cell) >> (bit.z * 9u + bit.y * 3u + bit.x)) & 1u) == 1u;
 }
 
 // The source function of a cell.
@@ -107,10 +107,10 @@ fn source(direction: u32, channel: u32, cell: u32) -> f32 {
     let count = params.cells.x * params.cells.y * params.cells.z;
     var sum = 0.0;
     for (var k = 0u; k < params.source_coefficients; k++) {
-        let moment = sources[(k * params.channels + channel) * count + cell];
-        sum += source_weights[direction * params.source_coefficients + k] * moment;
+        let moment = read_sources((k * params.channels + channel) * count + cell);
+        sum += read_source_weights(direction * params.source_coefficients + k) * moment;
     }
-    return sum * optics[(3u + channel) * count + cell];
+    return sum * read_optics((3u + channel) * count + cell);
 }
 
 // A coefficient of a cell's moments: what the batches before left, and the `taken` directions of this one from `first` on.
@@ -134,7 +134,7 @@ fn gather(item: u32, first: u32, taken: u32) {
         for (var n = 0u; n < taken; n++) {
             let weight = ((first + n) * params.coefficients + k) * params.weight_channels + min(c, params.weight_channels - 1u);
             let light = (n * params.channels + min(c, params.channels - 1u)) * count + cell;
-            sum += weights[weight] * radiance[light];
+            sum += read_weights(weight) * radiance[light];
         }
         moments[place] = sum;
     }

@@ -22,7 +22,7 @@ fn trace(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
         normal = select(own, normal / max(size, 1.2e-38), size > 0.0);
         normal = select(normal, -normal, dot(normal, own) < 0.0);
         hits[out] = vec4<f32>(normal, hit.distance);
-        hits[out + 1u] = vec4<f32>(own, f32(mesh[at + 3u].number));
+        hits[out + 1u] = vec4<f32>(own, f32(read_mesh(at + 3u).number));
     } else if params.node_begin == 0u {
         hits[out] = vec4<f32>(0.0, 0.0, 0.0, launch.infinity);
         hits[out + 1u] = vec4<f32>(0.0);

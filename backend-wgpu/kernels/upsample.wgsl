@@ -148,8 +148,8 @@ fn alike(x: u32, y: u32, small: Small, sx: u32, sy: u32) -> f32 {
         return 1.0;
     }
     let other = stands(small, sy, params.full_height) * params.full_width + stands(small, sx, params.full_width);
-    let here = normals[(y * params.full_width + x) * params.normals_each].xyz;
-    let there = normals[other * params.normals_each].xyz;
+    let here = read_normals((y * params.full_width + x) * params.normals_each).xyz;
+    let there = read_normals(other * params.normals_each).xyz;
     if dot(here, here) == 0.0 || dot(there, there) == 0.0 {
         return 1.0;
     }
@@ -160,9 +160,9 @@ fn alike(x: u32, y: u32, small: Small, sx: u32, sy: u32) -> f32 {
 fn held(small: Small, sx: u32, sy: u32, half: u32) -> vec4<f32> {
     let at = 2u * (sy * small.width + sx) + half;
     if has_rims && small.rims {
-        return rims[at];
+        return read_rims(at);
     }
-    return medium[at];
+    return read_medium(at);
 }
 
 // Adds a pixel of a small film.
@@ -187,8 +187,8 @@ fn behind(x: u32, y: u32, pixel: u32) -> vec3<f32> {
         if before.w < FAR {
             sum += before.xyz;
         } else if has_environment {
-            let a = (f32(x) + subpixels[2u * s]) * (2.0 / f32(params.full_width)) - 1.0;
-            let b = 1.0 - (f32(y) + subpixels[2u * s + 1u]) * (2.0 / f32(params.full_height));
+            let a = (f32(x) + read_subpixels(2u * s)) * (2.0 / f32(params.full_width)) - 1.0;
+            let b = 1.0 - (f32(y) + read_subpixels(2u * s + 1u)) * (2.0 / f32(params.full_height));
             let toward = a * params.right.xyz + b * params.up.xyz + params.forward.xyz;
             sum += sky(toward / length(toward));
         }
@@ -201,5 +201,5 @@ fn seen(pixel: u32, s: u32) -> vec4<f32> {
     if !has_surface {
         return vec4<f32>(0.0, 0.0, 0.0, FAR);
     }
-    return surface[pixel * params.surface_samples + s % params.surface_samples];
+    return read_surface(pixel * params.surface_samples + s % params.surface_samples);
 }

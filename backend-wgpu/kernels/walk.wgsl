@@ -52,7 +52,7 @@ fn advance(on: ptr<function, Walk>, numbers: ptr<function, Draws>) -> f32 {
     }
     let exit = min(leave[axis], (*on).far);
     let cell = vec3<u32>((*on).cell);
-    let most = majorant[(cell.z * params.majorant_cells.y + cell.y) * params.majorant_cells.x + cell.x].y;
+    let most = read_majorant((cell.z * params.majorant_cells.y + cell.y) * params.majorant_cells.x + cell.x).y;
     if most > 0.0 {
         let rate = max(most * params.densest, params.least);
         if rate > 0.0 {

@@ -96,6 +96,15 @@ pub(crate) fn shortfall(limits: &wgpu::Limits) -> Option<String> {
     (!short.is_empty()).then(|| short.join("; "))
 }
 
+/// Whether kernels had better read fields and buffers as storage textures than as sampled textures and from memory.
+///
+/// Mesa's software driver loads from a storage buffer by a loop over invocations with two branches a value, and from a sampled
+/// texture with the sizes and strides of a mip level looked up for each invocation; from a storage texture, which has one
+/// level, by a gather. Graphics processors have caches for sampled textures and for buffers that storage textures may bypass.
+pub(crate) fn fetches(info: &wgpu::AdapterInfo) -> bool {
+    info.driver == "llvmpipe"
+}
+
 fn of_adapter(index: usize, adapter: &Adapter) -> DeviceInfo {
     let limits = adapter.limits();
     let unusable = shortfall(&limits);

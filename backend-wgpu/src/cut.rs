@@ -77,6 +77,11 @@ impl Cut {
         Ok(Self { slabs, axis, group: group.max(1) })
     }
 
+    /// Whether a piece sees the whole of every buffer.
+    pub(crate) fn whole(self) -> bool {
+        self.slabs.count() <= 1
+    }
+
     /// The pieces of `range`, in order.
     pub(crate) fn pieces(self, range: Range<u32>) -> impl Iterator<Item = Piece> {
         let group_of = |unit: u32| unit / self.group;

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits, ResourceId,
-    ResourceSpec, StageTime,
+    Binding, BindingAccess, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits,
+    ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
 use wgpu::{QuerySet, Sampler};
 
+use crate::adapter;
 use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
 use crate::engine::Engine;
@@ -21,7 +22,7 @@ use crate::gpu::{Gpu, STAGING};
 use crate::launch::{Launches, Shot};
 use crate::memory::{Resource, texture_format};
 use crate::pipeline::Pipeline;
-use crate::source::{self, PublishParams, Shape};
+use crate::source::{self, Fetched, PublishParams, Shape};
 use crate::store::{Bound, Store};
 use crate::vulkan;
 
@@ -32,12 +33,14 @@ pub struct WgpuDevice {
     pub(crate) gpu: Gpu,
     pub(crate) limits: wgpu::Limits,
     pub(crate) store: Store,
-    /// Kernels by stage and the shapes of its bindings.
-    pipelines: HashMap<(&'static str, Vec<Shape>), Arc<Pipeline>>,
+    /// Kernels by stage, the shapes of its bindings, and which of them are storage textures.
+    pipelines: HashMap<(&'static str, Vec<Shape>, Fetched), Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
     pub(crate) engine: Engine,
     /// Where texture units interpolate.
     pub(crate) sampler: Option<Sampler>,
+    /// Whether kernels read fields, and copies of buffers, as storage textures.
+    pub(crate) texels: bool,
     clock: Clock,
 }
 
@@ -48,6 +51,7 @@ impl WgpuDevice {
         let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
         let limits = gpu.device.limits();
         let sampler = filter::sampler(&gpu, &mut info, Filter::default());
+        let texels = adapter::fetches(&gpu.device.adapter_info());
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -57,6 +61,7 @@ impl WgpuDevice {
             publishers: HashMap::new(),
             engine: Engine::default(),
             sampler,
+            texels,
             clock: Clock::new(tick),
         })
     }
@@ -72,14 +77,14 @@ impl WgpuDevice {
         BindingLimits { bytes: self.info.limits.binding_bytes, align }
     }
 
-    fn pipeline(&mut self, stage: &Stage, shapes: Vec<Shape>) -> Result<Arc<Pipeline>, DeviceError> {
+    fn pipeline(&mut self, stage: &Stage, shapes: Vec<Shape>, fetched: Fetched) -> Result<Arc<Pipeline>, DeviceError> {
         let source = source::of(stage);
-        let key = (source.name, shapes);
+        let key = (source.name, shapes, fetched);
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let text = source.text(&key.1, self.sampler.is_some());
-        let built = Pipeline::of_stage(&self.gpu, source.name, &text, &key.1, self.sampler.as_ref())?;
+        let text = source.text(&key.1, fetched, self.sampler.is_some());
+        let built = Pipeline::of_stage(&self.gpu, source.name, &text, (&key.1, fetched), self.sampler.as_ref())?;
         Ok(Arc::clone(self.pipelines.entry(key).or_insert(Arc::new(built))))
     }
 
@@ -95,9 +100,18 @@ impl WgpuDevice {
         let bindings = stage.bindings();
         let cut = Cut::new(stage.axis(), stage.group(), &bindings, self.binding_limits())?;
         let shapes = self.store.shapes(&bindings, self.limits.max_sampled_textures_per_shader_stage)?;
-        let pipeline = self.pipeline(stage, shapes)?;
+        // Where a buffer is bound in parts, kernels count from the part that they see.
+        let fetched = match self.texels && cut.whole() {
+            true => self.store.fetched(&shapes, &bindings, self.sampler.is_some(), &self.limits),
+            false => Fetched::default(),
+        };
+        let pipeline = self.pipeline(stage, shapes, fetched)?;
+        self.store.copy(&self.gpu, &bindings, fetched)?;
+        for binding in bindings.iter().filter(|binding| matches!(binding.access, BindingAccess::Write(_))) {
+            binding.id.into_iter().for_each(|id| self.store.wrote(id));
+        }
         let shots = cut.pieces(range.clone()).map(|piece| {
-            let bound = self.store.bound(&bindings, |binding| piece.window(binding))?;
+            let bound = self.store.bound(&bindings, fetched, |binding| piece.window(binding))?;
             Ok(Shot { range: piece.range, first: piece.groups.start, bound })
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
@@ -151,6 +165,7 @@ impl Device for WgpuDevice {
         resource.spec().check_write(offset, data)?;
         match resource {
             Resource::Buffer(memory) => {
+                self.store.wrote(id);
                 let mut at = offset;
                 for chunk in data.chunks(STAGING as usize) {
                     let bytes = chunk.len() as u64;
@@ -189,7 +204,7 @@ impl Device for WgpuDevice {
             let [x, y, z] = spec.dims;
             let params = PublishParams { dims: [x, y, z, spec.layers], slices: [slices.start, slices.end, 0, 0] };
             let shots = cut.pieces(0..texels).map(|piece| {
-                let bound = self.store.bound(&binding, |binding| piece.window(binding))?;
+                let bound = self.store.bound(&binding, Fetched::default(), |binding| piece.window(binding))?;
                 let bound = Bound { textures: vec![(0, view)], ..bound };
                 Ok(Shot { range: piece.range, first: piece.groups.start, bound })
             });

@@ -21,6 +21,7 @@ mod memory;
 mod pipeline;
 mod source;
 mod store;
+mod texels;
 mod vulkan;
 
 pub use device::WgpuDevice;

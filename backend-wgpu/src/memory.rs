@@ -8,6 +8,7 @@ use wgpu::{Buffer, BufferUsages, Texture, TextureDimension, TextureFormat, Textu
 use crate::atlas::{Atlas, extent};
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
+use crate::texels::Texels;
 
 /// A resource.
 #[derive(Debug)]
@@ -21,6 +22,8 @@ pub(crate) enum Resource {
 pub(crate) struct Memory {
     pub(crate) buffer: Buffer,
     pub(crate) bytes: u64,
+    /// Copies as textures, where kernels read those: one for each size of texels.
+    pub(crate) texels: Vec<Texels>,
 }
 
 /// A field. Its layers lie one behind the other along z, and that axis is cut into slabs that fit a texture each. One in
@@ -95,7 +98,8 @@ impl Resource {
                     return Err(DeviceError::Limit { what, requested: size, limit });
                 }
                 let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-                Ok(Self::Buffer(Memory { buffer: gpu.buffer("buffer", size, usage)?, bytes: *bytes }))
+                let buffer = gpu.buffer("buffer", size, usage)?;
+                Ok(Self::Buffer(Memory { buffer, bytes: *bytes, texels: Vec::new() }))
             }
             ResourceSpec::Field(spec) => Volume::new(gpu, *spec, limits).map(Self::Field),
         }

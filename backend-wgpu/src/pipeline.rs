@@ -10,7 +10,9 @@ use wgpu::{
 };
 
 use crate::gpu::Gpu;
-use crate::source::{Shape, ShapeKind, Text, index_binding, slab_binding};
+use crate::memory::texture_format;
+use crate::source::{Fetched, Shape, ShapeKind, Text, index_binding, slab_binding, words};
+use crate::texels;
 
 /// A kernel built for bindings of one shape.
 #[derive(Debug)]
@@ -30,25 +32,39 @@ fn buffer(ty: BufferBindingType) -> BindingType {
     BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
 }
 
+/// A storage texture that is read.
+fn stored(format: TextureFormat, view_dimension: TextureViewDimension) -> BindingType {
+    BindingType::StorageTexture { access: StorageTextureAccess::ReadOnly, format, view_dimension }
+}
+
 /// The buffers and textures of a stage's bindings.
-fn entries(shapes: &[Shape], filtered: bool) -> [Vec<BindGroupLayoutEntry>; 2] {
+fn entries(shapes: &[Shape], fetched: Fetched, filtered: bool) -> [Vec<BindGroupLayoutEntry>; 2] {
     let (mut buffers, mut textures) = (Vec::new(), Vec::new());
     for (index, shape) in shapes.iter().enumerate() {
         match shape.kind {
+            ShapeKind::Read if fetched.has(index) => {
+                let stored = stored(texels::format(words(shape.element)), TextureViewDimension::D2);
+                textures.push(entry(slab_binding(index, 0), stored));
+            }
             ShapeKind::Read | ShapeKind::Write => {
                 let read_only = shape.kind == ShapeKind::Read;
                 buffers.push(entry(index as u32, buffer(BufferBindingType::Storage { read_only })));
             }
-            ShapeKind::Field { slabs, bricks, .. } => {
-                let texture = |sample_type| BindingType::Texture {
+            ShapeKind::Field { slabs, format, bricks, .. } => {
+                let sampled = |sample_type| BindingType::Texture {
                     sample_type,
                     view_dimension: TextureViewDimension::D3,
                     multisampled: false,
                 };
+                let read = |format, sample_type| match fetched.has(index) {
+                    true => stored(format, TextureViewDimension::D3),
+                    false => sampled(sample_type),
+                };
                 // Where kernels load texels, 32-bit floats need not be filterable.
-                let ty = texture(TextureSampleType::Float { filterable: filtered });
+                let ty = read(texture_format(format), TextureSampleType::Float { filterable: filtered });
+                let index_ty = read(TextureFormat::R32Uint, TextureSampleType::Uint);
                 textures.extend((0..slabs).map(|slab| entry(slab_binding(index, slab), ty)));
-                textures.extend(bricks.then(|| entry(index_binding(index), texture(TextureSampleType::Uint))));
+                textures.extend(bricks.then(|| entry(index_binding(index), index_ty)));
             }
         }
     }
@@ -61,10 +77,10 @@ impl Pipeline {
         gpu: &Gpu,
         name: &str,
         text: &Text,
-        shapes: &[Shape],
+        (shapes, fetched): (&[Shape], Fetched),
         sampler: Option<&Sampler>,
     ) -> Result<Self, DeviceError> {
-        Self::build(gpu, name, text, entries(shapes, sampler.is_some()), sampler)
+        Self::build(gpu, name, text, entries(shapes, fetched, sampler.is_some()), sampler)
     }
 
     /// Builds the kernel that publishes a buffer as a slab of a field.

@@ -9,6 +9,9 @@ use airlight_core::kernel_struct;
 use airlight_core::stage::Stage;
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
+pub(crate) use reads::{TEXELS_ACROSS, words};
+
+mod reads;
 
 const WGSL: KernelLanguage = KernelLanguage::Wgsl;
 
@@ -76,6 +79,22 @@ fn helper(helper: Helper) -> KernelFile {
     }
 }
 
+/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Fetched(u32);
+
+impl Fetched {
+    /// With the binding `index` too.
+    pub(crate) fn with(self, index: usize) -> Self {
+        Self(self.0 | 1 << index)
+    }
+
+    /// Whether the binding `index` is one of them.
+    pub(crate) fn has(self, index: usize) -> bool {
+        self.0 >> index & 1 == 1
+    }
+}
+
 /// The kernel of a stage.
 #[derive(Debug)]
 pub(crate) struct Source {
@@ -115,19 +134,24 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
-    /// The text for bindings of these shapes; where `filtered`, texture units interpolate fields of one texture.
-    pub(crate) fn text(&self, shapes: &[Shape], filtered: bool) -> Text {
-        let mut prelude = self.recipe.prelude(WGSL, shapes) + &uniforms(self.recipe.params);
+    /// The text for bindings of these shapes, of which `fetched` are storage textures; where `filtered`, texture units
+    /// interpolate fields of one texture.
+    pub(crate) fn text(&self, shapes: &[Shape], fetched: Fetched, filtered: bool) -> Text {
+        let structs = self.recipe.prelude(WGSL, shapes);
+        let mut prelude = structs.clone() + &uniforms(self.recipe.params);
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
         for (index, shape) in shapes.iter().enumerate() {
             prelude += &match shape.kind {
-                ShapeKind::Read => buffer(shape, index, "read"),
-                ShapeKind::Write => buffer(shape, index, "read_write"),
-                ShapeKind::Field { bricks: true, format, .. } => bricks::lookups(shape, index, format, filtered),
+                ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, &structs),
+                ShapeKind::Read => reads::memory(shape, index),
+                ShapeKind::Write => buffer(shape, index),
+                ShapeKind::Field { bricks: true, format, .. } => {
+                    bricks::lookups(shape, index, format, fetched.has(index), filtered)
+                }
                 ShapeKind::Field { slabs, format, .. } => {
-                    texel(shape, index, slabs, format)
+                    texel(shape, index, slabs, format, fetched.has(index))
                         + &filter(shape, format, filtered && slabs == 1)
                         + &uniform(shape)
                 }
@@ -158,25 +182,30 @@ pub(crate) fn uniforms(params: &str) -> String {
         + NUMBER
 }
 
-fn buffer(shape: &Shape, index: usize, access: &str) -> String {
+fn buffer(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
-    format!("@group(1) @binding({index}) var<storage, {access}> {name}: array<{element}>;\n")
+    format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{element}>;\n")
 }
 
 /// The textures of a field, and the function that reads a texel of one of its layers, which lie one behind the other.
-fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat) -> String {
+fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat, fetched: bool) -> String {
     let (name, value) = (shape.name, shape.element.name(WGSL));
     let part = if shape.element == KernelElement::Scalar(KernelScalar::F32) { ".x" } else { "" };
+    let stored = if part.is_empty() { "rgba32float" } else { "r32float" };
+    let (texture, level) = match fetched {
+        true => (format!("texture_storage_3d<{stored}, read>"), ""),
+        false => ("texture_3d<f32>".to_owned(), ", 0"),
+    };
     let mut out = String::new();
     // Writing to a String cannot fail.
     for slab in 0..slabs {
         let binding = slab_binding(index, slab);
-        let _ = writeln!(out, "@group(2) @binding({binding}) var {name}_{slab}: texture_3d<f32>;");
+        let _ = writeln!(out, "@group(2) @binding({binding}) var {name}_{slab}: {texture};");
     }
     let _ = writeln!(out, "fn texel_{name}(at: vec3<i32>, size: vec3<i32>, layer: i32) -> {value} {{");
     let _ = writeln!(out, "    let slice = layer * size.z + at.z;");
     if slabs == 1 {
-        let load = format!("textureLoad({name}_0, vec3<i32>(at.xy, slice), 0){part}");
+        let load = format!("textureLoad({name}_0, vec3<i32>(at.xy, slice){level}){part}");
         let _ = writeln!(out, "    return {};", WGSL.scaled(format, &load));
     } else {
         // All slabs but the last have the slices of the first.
@@ -185,7 +214,7 @@ fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat) -> String
         let _ = writeln!(out, "    switch slice / per_slab {{");
         for slab in 0..slabs {
             let case = if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
-            let load = WGSL.scaled(format, &format!("textureLoad({name}_{slab}, place, 0){part}"));
+            let load = WGSL.scaled(format, &format!("textureLoad({name}_{slab}, place{level}){part}"));
             let _ = writeln!(out, "        {case}: {{ return {load}; }}");
         }
         let _ = writeln!(out, "    }}");

@@ -7,7 +7,8 @@ use wgpu::{Buffer, BufferUsages, TextureView};
 
 use crate::gpu::Gpu;
 use crate::memory::{Memory, Resource, Volume};
-use crate::source::{Shape, index_binding, slab_binding};
+use crate::source::{Fetched, Shape, ShapeKind, index_binding, slab_binding, words};
+use crate::texels::{self, Texels};
 
 /// The resources under their ids, and what stands where a stage runs without one.
 #[derive(Debug)]
@@ -113,10 +114,73 @@ impl Store {
         Ok(shapes)
     }
 
-    /// What a stage binds where `window` gives offset and bytes of each buffer.
+    /// What a stage reads as storage textures, as many as there may be: fields, unless they are `filtered`, then buffers that are
+    /// there and fit a texture.
+    pub(crate) fn fetched(
+        &self,
+        shapes: &[Shape],
+        bindings: &[Binding],
+        filtered: bool,
+        limits: &wgpu::Limits,
+    ) -> Fetched {
+        let mut left = limits.max_storage_textures_per_shader_stage;
+        let mut fetched = Fetched::default();
+        let mut take = |index, textures| {
+            if textures <= left {
+                left -= textures;
+                fetched = fetched.with(index);
+            }
+        };
+        for (index, shape) in shapes.iter().enumerate() {
+            match shape.kind {
+                // Not every device reads halves as storage textures.
+                ShapeKind::Field { format: FieldFormat::Half { .. }, .. } => {}
+                ShapeKind::Field { slabs, bricks, .. } if !filtered => take(index, slabs + u32::from(bricks)),
+                _ => {}
+            }
+        }
+        for (index, binding) in bindings.iter().enumerate() {
+            let (BindingAccess::Read(bytes), Some(_)) = (binding.access, binding.id) else { continue };
+            let (width, height) = texels::extent(bytes, words(binding.element));
+            if width.max(height) <= limits.max_texture_dimension_2d.into() {
+                take(index, 1);
+            }
+        }
+        fetched
+    }
+
+    /// Makes the copies that a stage reads what their buffers are.
+    pub(crate) fn copy(&mut self, gpu: &Gpu, bindings: &[Binding], fetched: Fetched) -> Result<(), DeviceError> {
+        let mut encoder = None;
+        for (_, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
+            let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get_mut(&id)) else {
+                continue;
+            };
+            let words = words(binding.element);
+            if !memory.texels.iter().any(|texels| texels.of(words)) {
+                memory.texels.push(Texels::new(gpu, memory.bytes, words)?);
+            }
+            let stale = |texels: &&Texels| texels.of(words) && !texels.fresh.get();
+            if let Some(texels) = memory.texels.iter().find(stale) {
+                let encoder = encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()));
+                texels.copy(encoder, &memory.buffer, memory.bytes);
+            }
+        }
+        encoder.map_or(Ok(()), |encoder| gpu.guarded(0, || gpu.queue.submit([encoder.finish()])).map(drop))
+    }
+
+    /// Books that a buffer was written.
+    pub(crate) fn wrote(&self, id: ResourceId) {
+        if let Some(Resource::Buffer(memory)) = self.resources.get(&id) {
+            memory.texels.iter().for_each(|texels| texels.fresh.set(false));
+        }
+    }
+
+    /// What a stage binds where `window` gives offset and bytes of each buffer that is not `fetched`.
     pub(crate) fn bound(
         &self,
         bindings: &[Binding],
+        fetched: Fetched,
         window: impl Fn(&Binding) -> (u64, u64),
     ) -> Result<Bound<'_>, DeviceError> {
         let mut bound = Bound::default();
@@ -133,6 +197,11 @@ impl Store {
                     bound.textures.extend(views.map(|((_, view), slab)| (slab_binding(index, slab), view)));
                     let atlas = volume.atlas.as_ref();
                     bound.textures.extend(atlas.map(|atlas| (index_binding(index), &atlas.index_view)));
+                }
+                (BindingAccess::Read(_), Some(id)) if fetched.has(index) => {
+                    let words = words(binding.element);
+                    let copies = self.buffer(id)?.texels.iter().filter(|texels| texels.of(words));
+                    bound.textures.extend(copies.map(|texels| (slab_binding(index, 0), &texels.view)));
                 }
                 (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) => {
                     let (offset, bytes) = window(binding);

@@ -51,6 +51,7 @@ use crate::cut::Cut;
 use crate::gpu::Gpu;
 use crate::launch::{Launches, Shot};
 use crate::pipeline::Pipeline;
+use crate::source::Fetched;
 use crate::store::Bound;
 use crate::vulkan;
 use text::depth_kind;
@@ -198,6 +199,7 @@ impl WgpuDevice {
         };
         let params = import_params(camera, drawn.depth.map(|(_, depth)| depth));
         let binding = Binding::write("surface", Some(to)).in_parts::<[f32; 4]>(1);
+        self.store.wrote(to.id);
         self.run_engine(&pipeline, bytemuck::bytes_of(&params), pixels, binding, &views)
     }
 
@@ -248,7 +250,7 @@ impl WgpuDevice {
         let bindings = [binding];
         let cut = Cut::new(pixels, 1, &bindings, self.binding_limits())?;
         let shots = cut.pieces(0..pixels).map(|piece| {
-            let bound = self.store.bound(&bindings, |binding| piece.window(binding))?;
+            let bound = self.store.bound(&bindings, Fetched::default(), |binding| piece.window(binding))?;
             let bound = Bound { textures: views.iter().map(|(number, view)| (*number, view)).collect(), ..bound };
             Ok(Shot { range: piece.range, first: piece.groups.start, bound })
         });

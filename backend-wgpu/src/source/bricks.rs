@@ -8,14 +8,18 @@ use crate::atlas::{CONSTANT, SLOT_BITS};
 /// The textures of bricks and index, and the functions that look up: a texel; between texels, in one brick, by a texture unit
 /// where `filtered`; whether all blocks from that of one texel to that of another are few and share a brick of one value; and how many
 /// texels along x, from one on, lie in a block that holds zero.
-pub(super) fn lookups(shape: &Shape, index: usize, format: FieldFormat, filtered: bool) -> String {
+pub(super) fn lookups(shape: &Shape, index: usize, format: FieldFormat, fetched: bool, filtered: bool) -> String {
     let (name, value) = (shape.name, shape.element.name(WGSL));
     let (bricks, indices) = (slab_binding(index, 0), index_binding(index));
     let most = BrickLayout::SAME;
     let (block, side) = (BrickLayout::BLOCK, BrickLayout::SIDE);
     let (shift, mask) = (block.trailing_zeros(), block - 1);
     let (along, twice) = ((1 << SLOT_BITS) - 1, 2 * SLOT_BITS);
-    let load = |at: &str| WGSL.scaled(format, &format!("textureLoad({name}_0, {at}, 0).x"));
+    let (texels, words, level) = match fetched {
+        true => ("texture_storage_3d<r32float, read>", "texture_storage_3d<r32uint, read>", ""),
+        false => ("texture_3d<f32>", "texture_3d<u32>", ", 0"),
+    };
+    let load = |at: &str| WGSL.scaled(format, &format!("textureLoad({name}_0, {at}{level}).x"));
     let filter = if filtered {
         let dims = format!("vec3<f32>(textureDimensions({name}_0))");
         let sampled =
@@ -39,10 +43,10 @@ pub(super) fn lookups(shape: &Shape, index: usize, format: FieldFormat, filtered
         )
     };
     format!(
-        "@group(2) @binding({bricks}) var {name}_0: texture_3d<f32>;
-@group(2) @binding({indices}) var {name}_index: texture_3d<u32>;
+        "@group(2) @binding({bricks}) var {name}_0: {texels};
+@group(2) @binding({indices}) var {name}_index: {words};
 fn brick_{name}(block: vec3<i32>) -> u32 {{
-    return textureLoad({name}_index, block, 0).x;
+    return textureLoad({name}_index, block{level}).x;
 }}
 fn slot_{name}(brick: u32) -> vec3<i32> {{
     return vec3<i32>(vec3<u32>(brick, brick >> {SLOT_BITS}u, brick >> {twice}u) & vec3<u32>({along}u)) * {side};
@@ -79,7 +83,7 @@ fn uniform_{name}(lo: vec3<i32>, hi: vec3<i32>) -> bool {{
 }}
 fn empty_{name}(at: vec3<i32>) -> i32 {{
     let brick = brick_{name}(at >> vec3<u32>({shift}u));
-    if brick >= {CONSTANT}u && textureLoad({name}_0, slot_{name}(brick), 0).x == 0.0 {{
+    if brick >= {CONSTANT}u && textureLoad({name}_0, slot_{name}(brick){level}).x == 0.0 {{
         return {block} - (at.x & {mask});
     }}
     return 0;

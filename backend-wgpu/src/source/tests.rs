@@ -25,6 +25,11 @@ fn packed(stage: &Stage, half: bool) -> Vec<Shape> {
     shapes
 }
 
+/// The text of a kernel that reads memory and sampled textures.
+fn text(stage: &Stage, slabs: u32) -> Text {
+    of(stage).text(&shapes(stage, slabs), Fetched::default(), false)
+}
+
 /// Reads and validates a kernel; faults name their file and line.
 pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
@@ -46,18 +51,23 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
     for full in [true, false] {
         for stage in &examples(full) {
             for slabs in [1, 2, MAX_SLABS] {
-                for filtered in [false, true] {
-                    if let Err(error) = module(&of(stage).text(&shapes(stage, slabs), filtered)) {
-                        panic!("{} {full} {slabs} {filtered}: {error}", stage.name());
+                let shapes = shapes(stage, slabs);
+                let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
+                for (fetched, filtered) in [(Fetched::default(), false), (Fetched::default(), true), (all, false)] {
+                    if let Err(error) = module(&of(stage).text(&shapes, fetched, filtered)) {
+                        panic!("{} {full} {slabs} {fetched:?} {filtered}: {error}", stage.name());
                     }
                 }
             }
         }
     }
     for stage in &examples(true) {
-        for (half, filtered) in [(false, false), (true, false), (true, true)] {
-            if let Err(error) = module(&of(stage).text(&packed(stage, half), filtered)) {
-                panic!("{} in bricks {half} {filtered}: {error}", stage.name());
+        let all = (0..stage.bindings().len()).fold(Fetched::default(), Fetched::with);
+        for (half, fetched, filtered) in
+            [(false, all, false), (false, Fetched::default(), false), (true, Fetched::default(), true)]
+        {
+            if let Err(error) = module(&of(stage).text(&packed(stage, half), fetched, filtered)) {
+                panic!("{} in bricks {half} {fetched:?} {filtered}: {error}", stage.name());
             }
         }
     }
@@ -70,7 +80,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
 fn every_stage_has_a_kernel_of_its_name() {
     for (stage, name) in examples(true).iter().zip(Stage::NAMES) {
         assert_eq!((stage.name(), of(stage).name), (name, name));
-        let module = module(&of(stage).text(&shapes(stage, 1), false)).unwrap();
+        let module = module(&text(stage, 1)).unwrap();
         assert_eq!(module.entry_points[0].name, name);
         // One workgroup takes a workgroup's invocations' worth of units, or they share one.
         let size: u32 = module.entry_points[0].workgroup_size.iter().product();
@@ -83,7 +93,7 @@ fn every_stage_has_a_kernel_of_its_name() {
 fn kernels_bind_what_their_stages_list_under_the_same_names() {
     for stage in &examples(true) {
         let shapes = shapes(stage, 2);
-        let module = module(&of(stage).text(&shapes, false)).unwrap();
+        let module = module(&text(stage, 2)).unwrap();
         let global = |group, binding| {
             let at = Some(naga::ResourceBinding { group, binding });
             module.global_variables.iter().map(|(_, global)| global).find(|global| global.binding == at)
@@ -116,7 +126,7 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 #[test]
 fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
     let limits = crate::adapter::required_limits();
-    let mut texts: Vec<_> = examples(true).iter().map(|stage| of(stage).text(&shapes(stage, 1), false)).collect();
+    let mut texts: Vec<_> = examples(true).iter().map(|stage| text(stage, 1)).collect();
     texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(publish_text));
     texts.extend(crate::engine::kernels());
     let mut most = [0; 6];
@@ -190,7 +200,7 @@ fn structs_lie_in_wgsl_as_in_rust() {
 fn faults_name_the_file_and_line_they_stand_in() {
     let stages = examples(true);
     let stage = stages.iter().find(|stage| stage.name() == "march").expect("a stage that uses the helper");
-    let mut text = of(stage).text(&shapes(stage, 1), false);
+    let mut text = text(stage, 1);
     let lines = helper(Helper::Segment).text.lines().take_while(|line| !line.contains("exp(-tau)")).count();
     text.whole = text.whole.replace("exp(-tau)", "no_such_function(-tau)");
     let error = module(&text).unwrap_err();

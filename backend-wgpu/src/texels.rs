@@ -1,0 +1,104 @@
+//! Copies of buffers as storage textures, for drivers that load texels faster than memory (`adapter::fetches`). A copy is
+//! made anew when a stage reads it after its buffer was written.
+
+use std::cell::Cell;
+
+use airlight_core::device::DeviceError;
+use wgpu::{
+    Buffer, CommandEncoder, Extent3d, Origin3d, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo,
+    Texture, TextureAspect, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
+};
+
+use crate::gpu::Gpu;
+use crate::source::TEXELS_ACROSS;
+
+/// A buffer's copy: texels of so many words in rows of [`TEXELS_ACROSS`].
+#[derive(Debug)]
+pub(crate) struct Texels {
+    texture: Texture,
+    pub(crate) view: TextureView,
+    words: u32,
+    /// Whether it holds what the buffer holds.
+    pub(crate) fresh: Cell<bool>,
+}
+
+/// The format of texels of so many words.
+pub(crate) fn format(words: u32) -> TextureFormat {
+    match words {
+        1 => TextureFormat::R32Uint,
+        2 => TextureFormat::Rg32Uint,
+        _ => TextureFormat::Rgba32Uint,
+    }
+}
+
+/// Width and height of the copy of a buffer of so many bytes, in texels of so many words.
+pub(crate) fn extent(bytes: u64, words: u32) -> (u64, u64) {
+    let texels = (bytes / (4 * u64::from(words))).max(1);
+    let across = texels.min(TEXELS_ACROSS.into());
+    (across, texels.div_ceil(across))
+}
+
+impl Texels {
+    /// Of a buffer of so many bytes whose copy, as [`extent`] has it, fits the device's textures.
+    pub(crate) fn new(gpu: &Gpu, bytes: u64, words: u32) -> Result<Self, DeviceError> {
+        let (width, height) = extent(bytes, words);
+        let description = TextureDescriptor {
+            label: Some("buffer as texels"),
+            size: Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: format(words),
+            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST,
+            view_formats: &[],
+        };
+        let texture = gpu.guarded(width * height * 4 * u64::from(words), || gpu.device.create_texture(&description))?;
+        let view = gpu.guarded(0, || texture.create_view(&Default::default()))?;
+        Ok(Self { texture, view, words, fresh: Cell::new(false) })
+    }
+
+    /// Whether its texels are of so many words.
+    pub(crate) fn of(&self, words: u32) -> bool {
+        self.words == words
+    }
+
+    /// Copies a buffer of so many bytes.
+    pub(crate) fn copy(&self, encoder: &mut CommandEncoder, buffer: &Buffer, bytes: u64) {
+        let texel = 4 * u64::from(self.words);
+        let texels = (bytes / texel).max(1);
+        let across = u64::from(self.texture.width());
+        // Whole rows, then what is left.
+        for (first, width, height) in [(0, across, texels / across), (texels - texels % across, texels % across, 1)] {
+            if width == 0 || height == 0 {
+                continue;
+            }
+            let bytes_per_row = (height > 1).then_some((across * texel) as u32);
+            let layout = TexelCopyBufferLayout { offset: first * texel, bytes_per_row, rows_per_image: None };
+            let target = TexelCopyTextureInfo {
+                texture: &self.texture,
+                mip_level: 0,
+                origin: Origin3d { x: 0, y: (first / across) as u32, z: 0 },
+                aspect: TextureAspect::All,
+            };
+            let size = Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 };
+            encoder.copy_buffer_to_texture(TexelCopyBufferInfo { buffer, layout }, target, size);
+        }
+        self.fresh.set(true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_holds_every_element_in_as_few_rows_as_it_takes() {
+        let across = u64::from(TEXELS_ACROSS);
+        assert_eq!(extent(0, 1), (1, 1));
+        assert_eq!(extent(28, 1), (7, 1));
+        assert_eq!(extent(32, 4), (2, 1));
+        assert_eq!(extent(across * 8, 2), (across, 1));
+        assert_eq!(extent(across * 8 + 8, 2), (across, 2));
+        assert_eq!(extent(across * 16 * 3 - 16, 4), (across, 3));
+    }
+}
