@@ -14,7 +14,6 @@ use libtest_mimic::Failed;
 
 use crate::bench::Bench;
 use crate::fixtures::{Map, camera, chromatic, cloud, noise, room, sky};
-use crate::transfers::made_of_photons;
 use crate::{Axis, Case, Record, Subject, check};
 
 /// Voxels of the sparse cloud, whose bricks begin elsewhere than its box.
@@ -24,7 +23,7 @@ pub(crate) fn cases() -> Vec<Case> {
     vec![
         Case::new(
             "layouts::pictures",
-            "Pictures of a sparse cloud, by every stage that looks up densities, have the same bits whether it is held in \
+            "Pictures of a sparse cloud, by all stages that look up densities but photons, have the same bits whether it is held in \
              32-bit floats or in halves that are as exact, dense or in bricks. What a device does not hold it refuses.",
             pictures,
         )
@@ -117,8 +116,6 @@ fn scenes() -> Axis<Shown> {
     let mut paths = grids.clone();
     let path = Path { samples: 2, ..Path::default() };
     paths.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
-    let mut photons = made_of_photons();
-    photons.camera = camera(9, 7, 1);
     let shown = |scene, glows, stages| Shown { scene, glows, stages };
     Axis::new(
         "scene",
@@ -126,7 +123,6 @@ fn scenes() -> Axis<Shown> {
             ("walls", shown(walls, false, &["reduce", "shade", "march"][..])),
             ("grids", shown(grids, true, &["reduce", "project", "propagate", "coarsen", "illuminate", "march"])),
             ("paths", shown(paths, true, &["path"])),
-            ("photons", shown(photons, false, &["photons", "march"])),
         ],
     )
 }
@@ -155,7 +151,7 @@ fn pictures(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
             let rendered = rendered?;
             let ran = rendered.report.ran();
             for stage in shown.stages {
-                check!(ran.contains(stage) || *stage == "photons", "{stage} is not tried by {ran:?}");
+                check!(ran.contains(stage), "{stage} is not tried by {ran:?}");
             }
             if bricks && kinds.bricks {
                 check!(rendered.report.bytes < dense, "bricks take {} bytes, and {dense} do", rendered.report.bytes);
