@@ -33,6 +33,12 @@ kernel_struct! {
 /// Packets, of whatever width.
 const PACKET: &str = include_str!("packet.cl");
 
+/// Before functions that are always inlined, and behind them: PoCL leaves calls as they are, and packets would go through
+/// memory. Other compilers inline all by themselves.
+const INLINE: &str =
+    "#ifdef __clang__\n#pragma clang attribute push(__attribute__((always_inline)), apply_to = function)\n#endif\n";
+const INLINE_END: &str = "#ifdef __clang__\n#pragma clang attribute pop\n#endif\n";
+
 /// How many lanes the packets of kernels have that work on packets: one on devices that run scalar work-items side by side,
 /// as many as vector registers have elsewhere. Others have one on every device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -257,6 +263,9 @@ impl Source {
         // Writing to a String cannot fail.
         out += &self.recipe.prelude(OPENCL, shapes);
         out += &Launch::text(OPENCL);
+        if self.width > 1 {
+            out += INLINE;
+        }
         let _ = writeln!(out, "#define WIDTH {}\n{}", self.width, PACKET);
         let params = self.recipe.params;
         let _ = writeln!(out, "typedef struct {{\n    {params} params;\n    Launch launch;\n}} Constants;");
@@ -298,8 +307,9 @@ impl Source {
             filled += "    bound.scratch = scratch;\n";
         }
         let (name, entry) = (self.name, entry_point(self.name));
+        let inlined = if self.width > 1 { INLINE_END } else { "" };
         format!(
-            "__kernel void {entry}(__constant const Constants *constants{arguments}) {{\n    Bound bound;\n    \
+            "{inlined}__kernel void {entry}(__constant const Constants *constants{arguments}) {{\n    Bound bound;\n    \
              bound.params = &constants->params;\n    bound.launch = &constants->launch;\n{filled}    \
              run_{name}(&bound);\n}}\n"
         )
