@@ -254,3 +254,37 @@ impl Binding {
         Self { part: Some(elements * size_of::<T>() as u64), ..self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::LARGEST;
+
+    #[test]
+    fn exponents_put_the_largest_value_where_halves_have_all_bits() {
+        for most in [1e-30, 6e-8, 0.01, 0.9999, 1.0, 2.0, 255.9, 32768.0, 1e9, LARGEST] {
+            let format = FieldFormat::half(most);
+            let FieldFormat::Half { exponent } = format else { panic!("{format:?}") };
+            assert_eq!((exponent % 8, format.bytes(), format.factor()), (0, 2, 2f32.powi(exponent.into())));
+            let scaled = most / format.factor();
+            assert!((128.0..32768.0).contains(&scaled) || exponent == FieldFormat::LEAST_EXPONENT, "{most}: {scaled}");
+        }
+        for (most, least) in [(0.0, FieldFormat::LEAST_EXPONENT), (f32::MAX, FieldFormat::MOST_EXPONENT)] {
+            assert_eq!(FieldFormat::half(most), FieldFormat::Half { exponent: least });
+        }
+    }
+
+    #[test]
+    fn halves_are_rounded_to_eleven_bits_and_end_at_the_largest() {
+        let format = FieldFormat::half(3.0);
+        let values = [0.0, 3.0, 1.0 + 2f32.powi(-11), 1.0 + 3.0 * 2f32.powi(-11), 3.0 * 2f32.powi(-21), 1e9];
+        let mut bytes = [0; 14];
+        format.encode(&values, &mut bytes);
+        let found = bytes.chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32() * format.factor());
+        let expected = [0.0, 3.0, 1.0, 1.0 + 2f32.powi(-9), 3.0 * 2f32.powi(-21), 65504.0 / 256.0, 0.0];
+        assert_eq!(found.collect::<Vec<_>>(), expected);
+        let mut words = [0; 4];
+        FieldFormat::Scalar.encode(&[1.5], &mut words);
+        assert_eq!(words, 1.5f32.to_le_bytes());
+    }
+}
