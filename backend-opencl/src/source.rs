@@ -389,14 +389,15 @@ fn texels(shape: &Shape, width: u32) -> String {
     out + "}\n"
 }
 
-/// The statements that return the texels at `place` of the only slab.
+/// The statements that return the texels at `place` of the only slab. Where lanes are those of vectors, `vload_half` may be a
+/// call for each: a half's bits in the places of a float's are 2^112 times smaller.
 fn fetches(name: &str, format: FieldFormat) -> String {
     match format {
         FieldFormat::Half { .. } => format!(
-            "    int places[WIDTH];\n    float found[WIDTH];\n    unpack(place, places);\n    \
-             for (uint i = 0u; i < WIDTH; i++) {{\n        found[i] = vload_half(places[i], bound->{name}_0);\n    }}\n    \
+            "    U bits = fetch_uint((__global const ushort *)bound->{name}_0, place);\n    \
+             F found = OF_WIDTH(as_float, WIDTH)((bits & 0x8000u) << 16 | (bits & 0x7fffu) << 13) * 0x1p112f;\n    \
              return {};\n",
-            OPENCL.scaled(format, "pack(found)")
+            OPENCL.scaled(format, "found")
         ),
         FieldFormat::Scalar | FieldFormat::Rgba => format!("    return fetch(bound->{name}_0, place);\n"),
     }
