@@ -1,5 +1,6 @@
 //! Lookups and nothing else: what memory and instructions allow a stage that looks up one field a sample.
 
+use airlight_core::device::{FieldFormat, FieldSpec};
 use rayon::prelude::*;
 
 use crate::Isa;
@@ -26,10 +27,10 @@ const TASK: usize = 16;
 /// turn make a packet; those that lie together read the same memory.
 ///
 /// # Panics
-/// Unless there are as many texels, x fastest, then y and z, as `dims` say, and a slice, a row and one more.
+/// Unless there is at least one float more than texels, x fastest, then y and z.
 pub fn bare_lookups(texels: &[f32], dims: [u32; 3], rays: &[BareRay]) -> f32 {
     let isa = Isa::best();
-    let field = Scalars::new(texels, dims);
+    let field = Scalars::new(texels, &FieldSpec::dense(dims, 1, FieldFormat::Scalar));
     let sum = |rays: &[BareRay]| {
         let mut sum = 0.0;
         for rays in rays.chunks(LANES) {
@@ -65,14 +66,14 @@ mod tests {
     #[test]
     fn sums_are_those_of_single_lookups() {
         let dims = [7, 5, 4];
-        let texels: Vec<f32> = (0..7 * 5 * 4 + 7 * 5 + 7 + 1).map(|i| (i * 37 % 11) as f32).collect();
+        let texels: Vec<f32> = (0..7 * 5 * 4 + 1).map(|i| (i * 37 % 11) as f32).collect();
         let ray = |i: u32| BareRay {
             origin: [i as f32 * 0.3 - 0.5, 0.2, 3.9 - i as f32 * 0.1],
             step: [0.25, 0.1 * i as f32, -0.2],
             samples: i % 5,
         };
         let rays: Vec<BareRay> = (0..21).map(ray).collect();
-        let field = Scalars::new(&texels, dims);
+        let field = Scalars::new(&texels, &FieldSpec::dense(dims, 1, FieldFormat::Scalar));
         let single = |r: &BareRay| {
             let at = |k: u32| [0, 1, 2].map(|a| r.origin[a] + r.step[a] * k as f32);
             (0..r.samples).map(|k| field.single(at(k))).sum::<f32>()

@@ -5,7 +5,8 @@ use std::ops::Range;
 use std::time::Instant;
 
 use airlight_core::device::{
-    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, FieldFormat, Limits, ResourceId, ResourceSpec, StageTime,
+    Buf, Device, DeviceError, DeviceInfo, DeviceKind, Field, FieldFormat, FieldKinds, FieldSpec, Layout, Limits,
+    ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -103,12 +104,20 @@ impl Device for CpuDevice {
         host::free_memory()
     }
 
+    fn field_kinds(&self) -> FieldKinds {
+        FieldKinds::ALL
+    }
+
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
         if self.resources.contains_key(&id) {
             return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
         }
+        spec.check_kind(self.field_kinds())?;
         if let ResourceSpec::Field(field) = spec {
-            let layer = field.texels() / u64::from(field.layers.max(1));
+            let layer = match field.layout {
+                Layout::Dense => field.texels() / u64::from(field.layers.max(1)),
+                Layout::Bricks(_) => field.bytes() / field.format.bytes(),
+            };
             if layer == 0 || layer > i32::MAX as u64 {
                 let limit = i32::MAX as u64;
                 return Err(DeviceError::Limit { what: "a field's layer", requested: layer, limit });
@@ -125,11 +134,8 @@ impl Device for CpuDevice {
         }
         let bytes = usize::try_from(requested).map_err(|_| missing())?;
         let mut memory = Vec::new();
-        let behind = match spec {
-            ResourceSpec::Field(field) if field.format == FieldFormat::Scalar => 4 * Scalars::behind(field.dims),
-            _ => 0,
-        };
-        let units = (bytes + behind).div_ceil(16);
+        // One more, so that there is a float behind the last texel of every field.
+        let units = bytes / 16 + 1;
         memory.try_reserve_exact(units).map_err(|_| missing())?;
         memory.resize(units, Unit([0; 4]));
         self.resources.insert(id, Resource { memory, spec: *spec });
@@ -142,7 +148,7 @@ impl Device for CpuDevice {
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         let resource = self.get_mut(id)?;
-        resource.spec.check_write(offset, data.len())?;
+        resource.spec.check_write(offset, data)?;
         resource.bytes_mut()[offset as usize..][..data.len()].copy_from_slice(data);
         Ok(())
     }
@@ -248,19 +254,26 @@ impl<'d> Readable<'d> {
         buf.map_or(Ok(&[][..]), |buf| self.buf(buf))
     }
 
-    /// The texels of a field, as floats.
-    pub(crate) fn field(self, field: Field) -> Result<&'d [f32], DeviceError> {
+    fn held(self, field: Field) -> Result<&'d Resource, DeviceError> {
         let resource = self.device.get(field.id)?;
         if resource.spec != ResourceSpec::Field(field.spec) {
             return Err(DeviceError::Invalid(format!("resource {} is not the field {:?}", field.id.0, field.spec)));
         }
-        Ok(bytemuck::cast_slice(resource.bytes()))
+        Ok(resource)
+    }
+
+    /// The texels of a dense field of 32-bit floats.
+    pub(crate) fn field(self, field: Field) -> Result<&'d [f32], DeviceError> {
+        let FieldSpec { format, layout, .. } = field.spec;
+        if layout != Layout::Dense || matches!(format, FieldFormat::Half { .. }) {
+            return Err(DeviceError::Invalid(format!("{:?} is not dense and of 32-bit floats", field.spec)));
+        }
+        Ok(bytemuck::cast_slice(self.held(field)?.bytes()))
     }
 
     /// A field of scalars, for packets to look up.
     pub(crate) fn scalars(self, field: Field) -> Result<Scalars<'d>, DeviceError> {
-        self.field(field)?;
-        Ok(Scalars::new(bytemuck::cast_slice(&self.device.get(field.id)?.memory), field.spec.dims))
+        Ok(Scalars::new(bytemuck::cast_slice(&self.held(field)?.memory), &field.spec))
     }
 }
 /// The processor's name, where the system says.

@@ -7,6 +7,7 @@
 
 mod bare;
 mod device;
+mod held;
 mod isa;
 mod kernels;
 mod packet;

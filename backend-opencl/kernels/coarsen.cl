@@ -22,8 +22,17 @@ void run_coarsen(const Bound *bound) {
     for (uint k = lo.z; k <= hi.z; k++) {
         for (uint j = lo.y; j <= hi.y; j++) {
             for (uint i = lo.x; i <= hi.x; i++) {
-                float w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
                 int3 at = convert_int3((uint3)(i, j, k));
+                // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
+                int zeros = empty_density(bound, at, convert_int3(size));
+                if (has_emission_density) {
+                    zeros = min(zeros, empty_emission_density(bound, at, convert_int3(size)));
+                }
+                if (zeros > 0) {
+                    i += (uint)zeros - 1u;
+                    continue;
+                }
+                float w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
                 float rho = texel_density(bound, at, convert_int3(size), 0);
                 float3 own = (float3)(rho);
                 float3 glow = (float3)(rho);

@@ -18,11 +18,19 @@ float maximum_FIELD(const Bound *bound, uint3 cell) {
     int3 hi = (int3)(within_FIELD(upper.x, size.x), within_FIELD(upper.y, size.y), within_FIELD(upper.z, size.z));
     uint across = (uint)(hi.y - lo.y + 1);
     uint rows = across * (uint)(hi.z - lo.z + 1);
+    if (uniform_FIELD(bound, lo, hi, size)) {
+        return fmax(0.0f, texel_FIELD(bound, lo, size, 0));
+    }
     float most = 0.0f;
     for (uint row = bound->params->row_begin; row < min(bound->params->row_end, rows); row++) {
         int j = lo.y + (int)(row % across);
         int k = lo.z + (int)(row / across);
         for (int i = lo.x; i <= hi.x; i++) {
+            int zeros = empty_FIELD(bound, (int3)(i, j, k), size);
+            if (zeros > 0) {
+                i += zeros - 1;
+                continue;
+            }
             most = fmax(most, texel_FIELD(bound, (int3)(i, j, k), size, 0));
         }
     }

@@ -37,11 +37,22 @@ float mean(const Bound *bound, uint3 cell, float before) {
     uint3 hi = clamp(convert_uint3_sat(ceil(end)), (uint3)(1u), size) - 1u;
     uint across = hi.y - lo.y + 1u;
     uint rows = across * (hi.z - lo.z + 1u);
+    int3 first = convert_int3(lo);
+    // What holds zero alone adds nothing.
+    if (uniform_density(bound, first, convert_int3(hi), convert_int3(size)) &&
+        texel_density(bound, first, convert_int3(size), 0) == 0.0f) {
+        rows = 0u;
+    }
     float sum = before;
     for (uint row = bound->params->row_begin; row < min(bound->params->row_end, rows); row++) {
         uint j = lo.y + row % across;
         uint k = lo.z + row / across;
         for (uint i = lo.x; i <= hi.x; i++) {
+            int zeros = empty_density(bound, convert_int3((uint3)(i, j, k)), convert_int3(size));
+            if (zeros > 0) {
+                i += (uint)zeros - 1u;
+                continue;
+            }
             float w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
             sum += w * texel_density(bound, convert_int3((uint3)(i, j, k)), convert_int3(size), 0);
         }

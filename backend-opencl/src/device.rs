@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use airlight_core::device::{
-    Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime, Unavailable,
+    Device, DeviceError, DeviceInfo, FieldKinds, Limits, ResourceId, ResourceSpec, StageTime, Unavailable,
 };
 use airlight_core::stage::Stage;
 
@@ -79,8 +79,13 @@ impl Device for OpenclDevice {
         &self.info
     }
 
+    fn field_kinds(&self) -> FieldKinds {
+        FieldKinds::ALL
+    }
+
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
         self.cl.check()?;
+        spec.check_kind(self.field_kinds())?;
         self.store.add(id, || Resource::new(&mut self.cl, spec, &self.info.limits))
     }
 
@@ -91,10 +96,10 @@ impl Device for OpenclDevice {
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.cl.check()?;
         let resource = self.store.get(id)?;
-        resource.spec().check_write(offset, data.len())?;
+        resource.spec().check_write(offset, data)?;
         match resource {
             Resource::Buffer(memory) => self.cl.write(&memory.mem, offset, data),
-            Resource::Field(volume) => volume.write(&mut self.cl, (offset / volume.spec.slice_bytes()) as u32, data),
+            Resource::Field(volume) => volume.write(&mut self.cl, offset, data),
         }
     }
 

@@ -5,7 +5,9 @@
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use airlight_core::device::{DeviceError, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe};
+use airlight_core::device::{
+    DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
+};
 use airlight_core::kernel_struct;
 use airlight_core::stage::{Classify, Inject, March, Stage, SweepParams};
 use bytemuck::Zeroable;
@@ -169,10 +171,15 @@ fn members(shape: &Shape) -> Vec<(String, String)> {
     match shape.kind {
         ShapeKind::Read => vec![pointer(name.to_owned()), ("uint ".to_owned(), format!("{name}_words"))],
         ShapeKind::Write => vec![(format!("__global {element} *"), name.to_owned())],
-        ShapeKind::Field { slabs, layered } => {
-            let mut members: Vec<_> = (0..slabs).map(|slab| pointer(format!("{name}_{slab}"))).collect();
-            members.extend(layered.then(|| ("int ".to_owned(), format!("{name}_layers"))));
-            members.extend((slabs > 1).then(|| ("int ".to_owned(), format!("{name}_per_slab"))));
+        ShapeKind::Field { slabs, layered, format, bricks } => {
+            let held = if matches!(format, FieldFormat::Half { .. }) { "half" } else { element };
+            let int = |name| ("int ".to_owned(), name);
+            let mut members = Vec::new();
+            members.extend(bricks.then(|| ("__global const uint *".to_owned(), format!("{name}_index"))));
+            members.extend((0..slabs).map(|slab| (format!("__global const {held} *"), format!("{name}_{slab}"))));
+            members.extend(bricks.then(|| int(format!("{name}_constants"))));
+            members.extend(layered.then(|| int(format!("{name}_layers"))));
+            members.extend((slabs > 1).then(|| int(format!("{name}_per_slab"))));
             members
         }
     }
@@ -229,8 +236,9 @@ impl Source {
     }
 
     /// The text for bindings of these shapes. The kernel's arguments are the constants, and of each binding that is
-    /// present, in order: of a field its slabs, the number of its layers if there are several, and the slices of a
-    /// slab if there are several; of a buffer itself, and its 4-byte words where it is read.
+    /// present, in order: of a field its index if it is in bricks, its slabs, how many bricks hold one value if it is in
+    /// bricks, the number of its layers if there are several, and the slices or bricks of a slab if there are several; of a
+    /// buffer itself, and its 4-byte words where it is read.
     pub(crate) fn text(&self, shapes: &[Shape]) -> String {
         let prelude = self.prelude(shapes);
         let mut text = KernelText::new(OPENCL, &prelude, &self.recipe, shapes, helper, self.file);
@@ -262,9 +270,10 @@ impl Source {
         }
         out += "} Bound;\n";
         for shape in shapes {
-            if let ShapeKind::Field { slabs, layered } = shape.kind {
-                out += &texel(shape, slabs, layered);
-                out += &texels(shape, slabs, layered, self.width);
+            if let ShapeKind::Field { bricks, .. } = shape.kind {
+                out += &if bricks { bricks::texel(shape) } else { texel(shape) };
+                out += &texels(shape, self.width);
+                out += &if bricks { bricks::uniform(shape) } else { uniform(shape) };
             }
         }
         out
@@ -297,8 +306,28 @@ impl Source {
     }
 }
 
-/// The function that reads a texel of a field: layer fastest, then x, y and z.
-fn texel(shape: &Shape, slabs: u32, layered: bool) -> String {
+/// The statements that return the texel at `place`, an `int`, of slab `number`.
+fn load(shape: &Shape, number: &str) -> String {
+    let ShapeKind::Field { slabs, format, .. } = shape.kind else { return String::new() };
+    let name = shape.name;
+    let one = |slab: u32| {
+        let texel = match format {
+            FieldFormat::Half { .. } => format!("vload_half(place, bound->{name}_{slab})"),
+            FieldFormat::Scalar | FieldFormat::Rgba => format!("bound->{name}_{slab}[place]"),
+        };
+        OPENCL.scaled(format, &texel)
+    };
+    if slabs == 1 {
+        return format!("    return {};\n", one(0));
+    }
+    let case = |slab| if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
+    let cases: String = (0..slabs).map(|slab| format!("        {}: return {};\n", case(slab), one(slab))).collect();
+    format!("    switch ({number}) {{\n{cases}    }}\n")
+}
+
+/// The function that reads a texel of a dense field: layer fastest, then x, y and z.
+fn texel(shape: &Shape) -> String {
+    let ShapeKind::Field { slabs, layered, .. } = shape.kind else { return String::new() };
     let (name, value) = (shape.name, shape.element.name(OPENCL));
     let place = |z: &str| {
         let texel = format!("({z} * size.y + at.y) * size.x + at.x");
@@ -306,36 +335,39 @@ fn texel(shape: &Shape, slabs: u32, layered: bool) -> String {
     };
     let mut out = String::new();
     let _ = writeln!(out, "{value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{");
-    if slabs == 1 {
-        let _ = writeln!(out, "    return bound->{name}_0[{}];", place("at.z"));
-    } else {
-        // All slabs but the last have the slices of the first.
-        let _ = writeln!(out, "    int place = {};", place(&format!("(at.z % bound->{name}_per_slab)")));
-        let _ = writeln!(out, "    switch (at.z / bound->{name}_per_slab) {{");
-        for slab in 0..slabs {
-            let case = if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
-            let _ = writeln!(out, "        {case}: return bound->{name}_{slab}[place];");
-        }
-        let _ = writeln!(out, "    }}");
-    }
-    out + "}\n"
+    // All slabs but the last have the slices of the first.
+    let z = if slabs == 1 { "at.z".to_owned() } else { format!("(at.z % bound->{name}_per_slab)") };
+    let _ = writeln!(out, "    int place = {};", place(&z));
+    out + &load(shape, &format!("at.z / bound->{name}_per_slab")) + "}\n"
+}
+
+/// What [`bricks::uniform`] says, of a dense field: nothing.
+fn uniform(shape: &Shape) -> String {
+    let name = shape.name;
+    format!(
+        "bool uniform_{name}(const Bound *bound, int3 lo, int3 hi, int3 size) {{\n    return false;\n}}\nint \
+         empty_{name}(const Bound *bound, int3 at, int3 size) {{\n    return 0;\n}}\n"
+    )
 }
 
 /// The function that reads what lookups take together: of floats a texel a lane, of colours one.
-fn texels(shape: &Shape, slabs: u32, layered: bool, width: u32) -> String {
+fn texels(shape: &Shape, width: u32) -> String {
+    let ShapeKind::Field { slabs, layered, format, bricks } = shape.kind else { return String::new() };
     let (name, value) = (shape.name, shape.element.name(OPENCL));
     let mut out = format!(
         "FOUND_{value} texels_{name}(const Bound *bound, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z, int3 size, \
          int layer) {{\n"
     );
-    let body = match () {
-        () if width == 1 || value != "float" => {
+    let body = match format {
+        _ if width == 1 || value != "float" => {
             format!("    return texel_{name}(bound, (int3)(x, y, z), size, layer);\n")
         }
-        () if slabs == 1 && !layered => {
-            format!("    return fetch(bound->{name}_0, (z * size.y + y) * size.x + x);\n")
+        _ if slabs == 1 && !layered => {
+            let dense = "    INDEX_float place = (z * size.y + y) * size.x + x;\n".to_owned();
+            let place = if bricks { bricks::places(name, format) } else { dense };
+            place + &fetches(name, format)
         }
-        () => format!(
+        _ => format!(
             "    int column[WIDTH];\n    int row[WIDTH];\n    int slice[WIDTH];\n    float found[WIDTH];\n    \
              unpack(x, column);\n    unpack(y, row);\n    unpack(z, slice);\n    \
              for (uint i = 0u; i < WIDTH; i++) {{\n        \
@@ -347,5 +379,20 @@ fn texels(shape: &Shape, slabs: u32, layered: bool, width: u32) -> String {
     out + "}\n"
 }
 
+/// The statements that return the texels at `place` of the only slab. Where lanes are those of vectors, `vload_half` may be a
+/// call for each: a half's bits in the places of a float's are 2^112 times smaller.
+fn fetches(name: &str, format: FieldFormat) -> String {
+    match format {
+        FieldFormat::Half { .. } => format!(
+            "    U bits = fetch_uint((__global const ushort *)bound->{name}_0, place);\n    \
+             F found = OF_WIDTH(as_float, WIDTH)((bits & 0x8000u) << 16 | (bits & 0x7fffu) << 13) * 0x1p112f;\n    \
+             return {};\n",
+            OPENCL.scaled(format, "found")
+        ),
+        FieldFormat::Scalar | FieldFormat::Rgba => format!("    return fetch(bound->{name}_0, place);\n"),
+    }
+}
+
+mod bricks;
 #[cfg(test)]
 pub(crate) mod tests;

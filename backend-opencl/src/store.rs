@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use airlight_core::device::{
-    Binding, BindingAccess, DeviceError, FieldSpec, Limits, ResourceId, ResourceSpec, Slabs, Usage,
+    Binding, BindingAccess, BrickLayout, DeviceError, FieldSpec, Layout, Limits, ResourceId, ResourceSpec, Slabs, Usage,
 };
 use ocl::core::Mem;
 
@@ -24,11 +24,13 @@ pub(crate) struct Memory {
     pub(crate) bytes: u64,
 }
 
-/// A field: whole z-slices of all layers, as the host writes them, cut into slabs that fit a buffer each.
+/// A field: whole z-slices of all layers, as the host writes them, cut into slabs that fit a buffer each; or an index and
+/// bricks, which are cut likewise.
 #[derive(Debug)]
 pub(crate) struct Volume {
     pub(crate) spec: FieldSpec,
     pub(crate) slabs: Slabs,
+    index: Option<Mem>,
     parts: Vec<Mem>,
 }
 
@@ -92,6 +94,9 @@ impl Volume {
             let what = "the side of a field";
             return Err(DeviceError::Limit { what, requested: longest.into(), limit: side.into() });
         }
+        if let Layout::Bricks(layout) = spec.layout {
+            return Self::of_bricks(cl, spec, layout, limits);
+        }
         // Two sides of 31 bits and layers of 32 may exceed 64 bits.
         let slice = [x, y, spec.layers].map(u128::from).iter().product::<u128>() * u128::from(spec.format.bytes());
         // A kernel counts the texels of a slab with 31 bits.
@@ -108,7 +113,29 @@ impl Volume {
         let bytes = |slab| slabs.range(slab).len() as u64 * spec.slice_bytes();
         let parts = (0..slabs.count()).map(|slab| cl.zeros(bytes(slab)));
         let parts = parts.collect::<Result<_, DeviceError>>()?;
-        Ok(Self { spec, slabs, parts })
+        Ok(Self { spec, slabs, index: None, parts })
+    }
+
+    fn of_bricks(cl: &mut Cl, spec: FieldSpec, layout: BrickLayout, limits: &Limits) -> Result<Self, DeviceError> {
+        let (index, brick) = (BrickLayout::index_bytes(spec.dims), BrickLayout::brick_bytes(spec.format));
+        let exceeds = |what, requested, limit| Err(DeviceError::Limit { what, requested, limit });
+        // A kernel counts blocks, bricks and the texels of a slab with 31 bits.
+        let limit = limits.binding_bytes.min(i32::MAX as u64 * 4);
+        if index > limit {
+            return exceeds("the index of a field", index, limit);
+        }
+        let limit = limits.binding_bytes.min(i32::MAX as u64 * spec.format.bytes());
+        let Some(slabs) = Slabs::new(layout.bricks, brick, limit, i32::MAX as u32) else {
+            return exceeds("a brick", brick, limit);
+        };
+        if slabs.count() > MAX_SLABS {
+            let most = u64::from(slabs.per_slab) * brick * u64::from(MAX_SLABS);
+            return exceeds("the bricks of a field", spec.bytes() - index, most);
+        }
+        let index = Some(cl.zeros(index)?);
+        let parts = (0..slabs.count()).map(|slab| cl.zeros(slabs.range(slab).len() as u64 * brick));
+        let parts = parts.collect::<Result<_, DeviceError>>()?;
+        Ok(Self { spec, slabs, index, parts })
     }
 
     /// The slabs that hold the slices from `first` to `end`: each one's buffer, the first of the slices in it, and how
@@ -121,9 +148,16 @@ impl Volume {
         })
     }
 
-    /// Writes whole slices from slice `first` on.
-    pub(crate) fn write(&self, cl: &mut Cl, first: u32, data: &[u8]) -> Result<(), DeviceError> {
-        let slice = self.spec.slice_bytes();
+    /// Writes whole slices, words of the index or whole bricks at `offset`.
+    pub(crate) fn write(&self, cl: &mut Cl, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
+        let (index, slice) = match self.spec.layout {
+            Layout::Dense => (0, self.spec.slice_bytes()),
+            Layout::Bricks(_) => (BrickLayout::index_bytes(self.spec.dims), BrickLayout::brick_bytes(self.spec.format)),
+        };
+        if let Some(mem) = self.index.as_ref().filter(|_| offset < index) {
+            return cl.write(mem, offset, data);
+        }
+        let first = ((offset - index) / slice) as u32;
         let end = first + (data.len() as u64 / slice) as u32;
         for (mem, place, part) in self.spread(first, end) {
             let bytes = (u64::from(part.start) * slice) as usize..(u64::from(part.end) * slice) as usize;
@@ -196,7 +230,10 @@ impl Store {
                 (BindingAccess::Sample(spec), Some(id)) => {
                     let volume = self.field(id)?;
                     slabs = volume.slabs.count();
-                    args.extend(volume.parts.iter().map(Arg::Mem));
+                    args.extend(volume.index.iter().chain(&volume.parts).map(Arg::Mem));
+                    if let Layout::Bricks(layout) = spec.layout {
+                        args.push(Arg::Int(layout.constants as i32));
+                    }
                     args.extend((spec.layers > 1).then_some(Arg::Int(spec.layers as i32)));
                     args.extend((slabs > 1).then_some(Arg::Int(volume.slabs.per_slab as i32)));
                 }

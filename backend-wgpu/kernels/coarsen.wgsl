@@ -20,8 +20,17 @@ fn coarsen(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     for (var k = lo.z; k <= hi.z; k++) {
         for (var j = lo.y; j <= hi.y; j++) {
             for (var i = lo.x; i <= hi.x; i++) {
-                let w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
                 let at = vec3<i32>(vec3<u32>(i, j, k));
+                // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
+                var zeros = empty_density(at);
+                if has_emission_density {
+                    zeros = min(zeros, empty_emission_density(at));
+                }
+                if zeros > 0 {
+                    i += u32(zeros) - 1u;
+                    continue;
+                }
+                let w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
                 let rho = texel_density(at, vec3<i32>(size), 0);
                 var own = vec3<f32>(rho);
                 var glow = vec3<f32>(rho);

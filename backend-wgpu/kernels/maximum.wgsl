@@ -13,11 +13,19 @@ fn maximum_FIELD(cell: vec3<u32>) -> f32 {
     let hi = vec3<i32>(within_FIELD(floor(end) + 1.0, size));
     let across = u32(hi.y - lo.y + 1);
     let rows = across * u32(hi.z - lo.z + 1);
+    if uniform_FIELD(lo, hi) {
+        return max(0.0, texel_FIELD(lo, size, 0));
+    }
     var most = 0.0;
     for (var row = params.row_begin; row < min(params.row_end, rows); row++) {
         let j = lo.y + i32(row % across);
         let k = lo.z + i32(row / across);
         for (var i = lo.x; i <= hi.x; i++) {
+            let zeros = empty_FIELD(vec3<i32>(i, j, k));
+            if zeros > 0 {
+                i += zeros - 1;
+                continue;
+            }
             most = max(most, texel_FIELD(vec3<i32>(i, j, k), size, 0));
         }
     }

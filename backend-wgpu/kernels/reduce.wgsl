@@ -35,12 +35,22 @@ fn mean(cell: vec3<u32>, before: f32) -> f32 {
     let lo = min(vec3<u32>(floor(begin)), size - 1u);
     let hi = clamp(vec3<u32>(ceil(end)), vec3<u32>(1u), size) - 1u;
     let across = hi.y - lo.y + 1u;
-    let rows = across * (hi.z - lo.z + 1u);
+    var rows = across * (hi.z - lo.z + 1u);
+    let first = vec3<i32>(lo);
+    // What holds zero alone adds nothing.
+    if uniform_density(first, vec3<i32>(hi)) && texel_density(first, vec3<i32>(size), 0) == 0.0 {
+        rows = 0u;
+    }
     var sum = before;
     for (var row = params.row_begin; row < min(params.row_end, rows); row++) {
         let j = lo.y + row % across;
         let k = lo.z + row / across;
         for (var i = lo.x; i <= hi.x; i++) {
+            let zeros = empty_density(vec3<i32>(vec3<u32>(i, j, k)));
+            if zeros > 0 {
+                i += u32(zeros) - 1u;
+                continue;
+            }
             let w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
             sum += w * texel_density(vec3<i32>(vec3<u32>(i, j, k)), vec3<i32>(size), 0);
         }

@@ -63,7 +63,7 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
         .map_err(|error| Unavailable(format!("{name} cannot be opened: {error}")))
 }
 
-/// The least limits that the kernels run with. Fields in several slabs take more textures.
+/// The least limits that the kernels run with. Fields in several slabs or in bricks take more textures.
 pub(crate) fn required_limits() -> wgpu::Limits {
     wgpu::Limits {
         max_bind_groups: 3,

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use airlight_core::device::{
-    Binding, BindingAccess, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, Limits, ResourceId,
-    ResourceSpec, StageTime,
+    Binding, BindingAccess, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits,
+    ResourceId, ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -145,8 +145,13 @@ impl Device for WgpuDevice {
         vulkan::free(&self.gpu.device)
     }
 
+    fn field_kinds(&self) -> FieldKinds {
+        FieldKinds::ALL
+    }
+
     fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {
         self.gpu.enter()?;
+        spec.check_kind(self.field_kinds())?;
         self.store.add(id, || Resource::new(&self.gpu, spec, &self.info.limits))
     }
 
@@ -157,7 +162,7 @@ impl Device for WgpuDevice {
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
         let resource = self.store.get(id)?;
-        resource.spec().check_write(offset, data.len())?;
+        resource.spec().check_write(offset, data)?;
         match resource {
             Resource::Buffer(memory) => {
                 self.store.wrote(id);
@@ -170,7 +175,7 @@ impl Device for WgpuDevice {
                 }
                 Ok(())
             }
-            Resource::Field(volume) => volume.write(&mut self.gpu, (offset / volume.spec.slice_bytes()) as u32, data),
+            Resource::Field(volume) => volume.write(&mut self.gpu, offset, data),
         }
     }
 

@@ -8,6 +8,7 @@
 //! slices, each a texture, and dispatches into pieces whose part of every buffer fits a binding.
 
 mod adapter;
+mod atlas;
 mod clock;
 mod cut;
 mod device;

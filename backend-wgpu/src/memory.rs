@@ -1,8 +1,11 @@
 //! What a device holds: buffers, and fields as textures.
 
-use airlight_core::device::{DeviceError, FieldFormat, FieldSpec, Limits, ResourceSpec, Slabs, Usage};
-use wgpu::{Buffer, BufferUsages, Extent3d, Texture, TextureDimension, TextureFormat, TextureUsages, TextureView};
+use airlight_core::device::{
+    BrickLayout, DeviceError, FieldFormat, FieldSpec, Layout, Limits, ResourceSpec, Slabs, Usage,
+};
+use wgpu::{Buffer, BufferUsages, Texture, TextureDimension, TextureFormat, TextureUsages, TextureView};
 
+use crate::atlas::{Atlas, extent};
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
 use crate::texels::Texels;
@@ -23,35 +26,64 @@ pub(crate) struct Memory {
     pub(crate) texels: Vec<Texels>,
 }
 
-/// A field. Its layers lie one behind the other along z, and that axis is cut into slabs that fit a texture each.
+/// A field. Its layers lie one behind the other along z, and that axis is cut into slabs that fit a texture each. One in
+/// bricks has a texture of bricks, and beside it an index.
 #[derive(Debug)]
 pub(crate) struct Volume {
     pub(crate) spec: FieldSpec,
     pub(crate) slabs: Slabs,
     pub(crate) textures: Vec<(Texture, TextureView)>,
+    pub(crate) atlas: Option<Atlas>,
 }
 
 /// The format of a field's textures.
 pub(crate) fn texture_format(format: FieldFormat) -> TextureFormat {
     match format {
         FieldFormat::Scalar => TextureFormat::R32Float,
+        FieldFormat::Half { .. } => TextureFormat::R16Float,
         FieldFormat::Rgba => TextureFormat::Rgba32Float,
     }
 }
 
-fn texture(gpu: &Gpu, [width, height, depth]: [u32; 3], format: FieldFormat) -> Result<Texture, DeviceError> {
+/// A texture of texels of so many bytes, filled with zeros.
+pub(crate) fn texture(gpu: &Gpu, size: [u32; 3], format: TextureFormat, texel: u64) -> Result<Texture, DeviceError> {
+    // Not every device stores halves, and what is published is of 32 bits.
+    let stored =
+        if format == TextureFormat::R16Float { TextureUsages::empty() } else { TextureUsages::STORAGE_BINDING };
     let description = wgpu::TextureDescriptor {
         label: Some("field"),
-        size: Extent3d { width, height, depth_or_array_layers: depth },
+        size: extent(size),
         mip_level_count: 1,
         sample_count: 1,
         dimension: TextureDimension::D3,
-        format: texture_format(format),
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST,
+        format,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | stored,
         view_formats: &[],
     };
-    let bytes = [width, height, depth].map(u64::from).iter().product::<u64>() * format.bytes();
+    let bytes = size.map(u64::from).iter().product::<u64>() * texel;
     gpu.guarded(bytes, || gpu.device.create_texture(&description))
+}
+
+/// A block of a texture, in texels, and bytes of a texel.
+pub(crate) struct Block {
+    pub(crate) origin: [u32; 3],
+    pub(crate) size: [u32; 3],
+    pub(crate) texel: u32,
+}
+
+/// Writes a block of a texture: x fastest, then y and z.
+pub(crate) fn write_texels(gpu: &mut Gpu, to: &Texture, block: Block, data: &[u8]) -> Result<(), DeviceError> {
+    let Block { origin: [x, y, z], size, texel } = block;
+    let target = wgpu::TexelCopyTextureInfo {
+        texture: to,
+        mip_level: 0,
+        origin: wgpu::Origin3d { x, y, z },
+        aspect: wgpu::TextureAspect::All,
+    };
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(size[0] * texel), rows_per_image: Some(size[1]) };
+    gpu.guarded(data.len() as u64, || gpu.queue.write_texture(target, data, layout, extent(size)))?;
+    gpu.wrote(data.len() as u64)
 }
 
 impl Resource {
@@ -91,6 +123,13 @@ impl Volume {
         if x == 0 || y == 0 || z == 0 || spec.layers == 0 {
             return Err(DeviceError::Invalid(format!("a field of {spec:?}")));
         }
+        if let Layout::Bricks(layout) = spec.layout {
+            let (atlas, size) = Atlas::new(gpu, &spec, layout, limits)?;
+            let bricks = texture(gpu, size, texture_format(spec.format), spec.format.bytes())?;
+            let view = gpu.guarded(0, || bricks.create_view(&Default::default()))?;
+            let slabs = Slabs { len: 1, per_slab: 1 };
+            return Ok(Self { spec, slabs, textures: vec![(bricks, view)], atlas: Some(atlas) });
+        }
         if u64::from(x.max(y)) > side {
             return exceeds("the side of a field along x or y", x.max(y).into(), side);
         }
@@ -103,16 +142,26 @@ impl Volume {
             return exceeds("a slice of a field", 1, side);
         };
         let textures = (0..slabs.count()).map(|slab| {
-            let texture = texture(gpu, [x, y, slabs.range(slab).len() as u32], spec.format)?;
+            let size = [x, y, slabs.range(slab).len() as u32];
+            let texture = texture(gpu, size, texture_format(spec.format), spec.format.bytes())?;
             let view = gpu.guarded(0, || texture.create_view(&Default::default()))?;
             Ok((texture, view))
         });
         let textures = textures.collect::<Result<_, DeviceError>>()?;
-        Ok(Self { spec, slabs, textures })
+        Ok(Self { spec, slabs, textures, atlas: None })
     }
 
-    /// Writes whole z-slices from slice `first` on: layer fastest, then x, y and z.
-    pub(crate) fn write(&self, gpu: &mut Gpu, first: u32, data: &[u8]) -> Result<(), DeviceError> {
+    /// Writes whole z-slices, layer fastest, then x, y and z; or words of the index, or whole bricks.
+    pub(crate) fn write(&self, gpu: &mut Gpu, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
+        if let Some(atlas) = &self.atlas {
+            let index = BrickLayout::index_bytes(self.spec.dims);
+            if offset < index {
+                return atlas.write_index(gpu, (offset / 4) as u32, data);
+            }
+            let first = (offset - index) / BrickLayout::brick_bytes(self.spec.format);
+            return atlas.write_bricks(gpu, &self.textures[0].0, &self.spec, first as u32, data);
+        }
+        let first = (offset / self.spec.slice_bytes()) as u32;
         let (layers, texel) = (self.spec.layers as usize, self.spec.format.bytes() as usize);
         for (n, slice) in data.chunks_exact(self.spec.slice_bytes() as usize).enumerate() {
             let z = first + n as u32;
@@ -133,19 +182,7 @@ impl Volume {
     fn write_slice(&self, gpu: &mut Gpu, slice: u32, data: &[u8]) -> Result<(), DeviceError> {
         let (slab, z) = self.slabs.locate(slice);
         let [width, height, _] = self.spec.dims;
-        let target = wgpu::TexelCopyTextureInfo {
-            texture: &self.textures[slab as usize].0,
-            mip_level: 0,
-            origin: wgpu::Origin3d { x: 0, y: 0, z },
-            aspect: wgpu::TextureAspect::All,
-        };
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(width * self.spec.format.bytes() as u32),
-            rows_per_image: Some(height),
-        };
-        let size = Extent3d { width, height, depth_or_array_layers: 1 };
-        gpu.guarded(data.len() as u64, || gpu.queue.write_texture(target, data, layout, size))?;
-        gpu.wrote(data.len() as u64)
+        let block = Block { origin: [0, 0, z], size: [width, height, 1], texel: self.spec.format.bytes() as u32 };
+        write_texels(gpu, &self.textures[slab as usize].0, block, data)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use airlight_core::device::{DeviceError, FieldFormat, KernelElement, KernelScalar};
+use airlight_core::device::DeviceError;
 use wgpu::{
     BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, Sampler,
     SamplerBindingType, ShaderModule, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
@@ -11,7 +11,7 @@ use wgpu::{
 
 use crate::gpu::Gpu;
 use crate::memory::texture_format;
-use crate::source::{Fetched, Shape, ShapeKind, Text, slab_binding, words};
+use crate::source::{Fetched, Shape, ShapeKind, Text, index_binding, slab_binding, words};
 use crate::texels;
 
 /// A kernel built for bindings of one shape.
@@ -50,20 +50,21 @@ fn entries(shapes: &[Shape], fetched: Fetched, filtered: bool) -> [Vec<BindGroup
                 let read_only = shape.kind == ShapeKind::Read;
                 buffers.push(entry(index as u32, buffer(BufferBindingType::Storage { read_only })));
             }
-            ShapeKind::Field { slabs, .. } => {
-                let ty = if fetched.has(index) {
-                    let scalar = shape.element == KernelElement::Scalar(KernelScalar::F32);
-                    let format = if scalar { FieldFormat::Scalar } else { FieldFormat::Rgba };
-                    stored(texture_format(format), TextureViewDimension::D3)
-                } else {
-                    BindingType::Texture {
-                        // Where kernels load texels, 32-bit floats need not be filterable.
-                        sample_type: TextureSampleType::Float { filterable: filtered },
-                        view_dimension: TextureViewDimension::D3,
-                        multisampled: false,
-                    }
+            ShapeKind::Field { slabs, format, bricks, .. } => {
+                let sampled = |sample_type| BindingType::Texture {
+                    sample_type,
+                    view_dimension: TextureViewDimension::D3,
+                    multisampled: false,
                 };
+                let read = |format, sample_type| match fetched.has(index) {
+                    true => stored(format, TextureViewDimension::D3),
+                    false => sampled(sample_type),
+                };
+                // Where kernels load texels, 32-bit floats need not be filterable.
+                let ty = read(texture_format(format), TextureSampleType::Float { filterable: filtered });
+                let index_ty = read(TextureFormat::R32Uint, TextureSampleType::Uint);
                 textures.extend((0..slabs).map(|slab| entry(slab_binding(index, slab), ty)));
+                textures.extend(bricks.then(|| entry(index_binding(index), index_ty)));
             }
         }
     }

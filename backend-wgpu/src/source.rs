@@ -147,8 +147,13 @@ impl Source {
                 ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, &structs),
                 ShapeKind::Read => reads::memory(shape, index),
                 ShapeKind::Write => buffer(shape, index),
-                ShapeKind::Field { slabs, .. } => {
-                    texel(shape, index, slabs, fetched.has(index)) + &filter(shape, filtered && slabs == 1)
+                ShapeKind::Field { bricks: true, format, .. } => {
+                    bricks::lookups(shape, index, format, fetched.has(index), filtered)
+                }
+                ShapeKind::Field { slabs, format, .. } => {
+                    texel(shape, index, slabs, format, fetched.has(index))
+                        + &filter(shape, format, filtered && slabs == 1)
+                        + &uniform(shape)
                 }
             };
         }
@@ -162,6 +167,11 @@ pub(crate) const MAX_SLABS: u32 = 16;
 /// Number of a slab's texture in bind group 2, of the stage's binding `index`.
 pub(crate) fn slab_binding(index: usize, slab: u32) -> u32 {
     index as u32 * MAX_SLABS + slab
+}
+
+/// Number of the texture of a field's index in bind group 2, of the stage's binding `index`; its bricks are one slab.
+pub(crate) fn index_binding(index: usize) -> u32 {
+    slab_binding(index, 1)
 }
 
 /// The parameters, and where the dispatch stands.
@@ -178,12 +188,12 @@ fn buffer(shape: &Shape, index: usize) -> String {
 }
 
 /// The textures of a field, and the function that reads a texel of one of its layers, which lie one behind the other.
-fn texel(shape: &Shape, index: usize, slabs: u32, fetched: bool) -> String {
+fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat, fetched: bool) -> String {
     let (name, value) = (shape.name, shape.element.name(WGSL));
     let part = if shape.element == KernelElement::Scalar(KernelScalar::F32) { ".x" } else { "" };
-    let format = if part.is_empty() { "rgba32float" } else { "r32float" };
+    let stored = if part.is_empty() { "rgba32float" } else { "r32float" };
     let (texture, level) = match fetched {
-        true => (format!("texture_storage_3d<{format}, read>"), ""),
+        true => (format!("texture_storage_3d<{stored}, read>"), ""),
         false => ("texture_3d<f32>".to_owned(), ", 0"),
     };
     let mut out = String::new();
@@ -195,7 +205,8 @@ fn texel(shape: &Shape, index: usize, slabs: u32, fetched: bool) -> String {
     let _ = writeln!(out, "fn texel_{name}(at: vec3<i32>, size: vec3<i32>, layer: i32) -> {value} {{");
     let _ = writeln!(out, "    let slice = layer * size.z + at.z;");
     if slabs == 1 {
-        let _ = writeln!(out, "    return textureLoad({name}_0, vec3<i32>(at.xy, slice){level}){part};");
+        let load = format!("textureLoad({name}_0, vec3<i32>(at.xy, slice){level}){part}");
+        let _ = writeln!(out, "    return {};", WGSL.scaled(format, &load));
     } else {
         // All slabs but the last have the slices of the first.
         let _ = writeln!(out, "    let per_slab = i32(textureDimensions({name}_0).z);");
@@ -203,7 +214,8 @@ fn texel(shape: &Shape, index: usize, slabs: u32, fetched: bool) -> String {
         let _ = writeln!(out, "    switch slice / per_slab {{");
         for slab in 0..slabs {
             let case = if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
-            let _ = writeln!(out, "        {case}: {{ return textureLoad({name}_{slab}, place{level}){part}; }}");
+            let load = WGSL.scaled(format, &format!("textureLoad({name}_{slab}, place{level}){part}"));
+            let _ = writeln!(out, "        {case}: {{ return {load}; }}");
         }
         let _ = writeln!(out, "    }}");
     }
@@ -211,20 +223,29 @@ fn texel(shape: &Shape, index: usize, slabs: u32, fetched: bool) -> String {
 }
 
 /// Whether a texture unit interpolates a field, and the function by which it does.
-fn filter(shape: &Shape, filtered: bool) -> String {
+fn filter(shape: &Shape, format: FieldFormat, filtered: bool) -> String {
     let (name, value) = (shape.name, shape.element.name(WGSL));
     let part = if shape.element == KernelElement::Scalar(KernelScalar::F32) { ".x" } else { "" };
     // Within [0, last] of a layer the next layer has no weight.
     let body = if filtered {
-        format!(
-            "    let place = vec3<f32>(p.xy, p.z + f32(layer * size.z)) + 0.5;\n    return textureSampleLevel({name}_0, \
-             linear, place / vec3<f32>(textureDimensions({name}_0)), 0.0){part};\n"
-        )
+        let sampled =
+            format!("textureSampleLevel({name}_0, linear, place / vec3<f32>(textureDimensions({name}_0)), 0.0){part}");
+        let sampled = WGSL.scaled(format, &sampled);
+        format!("    let place = vec3<f32>(p.xy, p.z + f32(layer * size.z)) + 0.5;\n    return {sampled};\n")
     } else {
         format!("    return texel_{name}(vec3<i32>(p), size, layer);\n")
     };
     let head = format!("fn filter_{name}(p: vec3<f32>, size: vec3<i32>, layer: i32) -> {value} {{\n");
     WGSL.truth(&format!("filters_{name}"), filtered) + &head + &body + "}\n"
+}
+
+/// What [`bricks::lookups`] says of blocks of one value, of a dense field: nothing.
+fn uniform(shape: &Shape) -> String {
+    let name = shape.name;
+    format!(
+        "fn uniform_{name}(lo: vec3<i32>, hi: vec3<i32>) -> bool {{\n    return false;\n}}\nfn empty_{name}(at: \
+         vec3<i32>) -> i32 {{\n    return 0;\n}}\n"
+    )
 }
 
 /// Units of the work axis that a workgroup of the kernel that publishes takes.
@@ -233,7 +254,8 @@ pub(crate) const PUBLISH_UNITS: u32 = 64;
 /// The kernel that makes a slab of a field of texels of a format from what stages wrote.
 pub(crate) fn publish_text(format: FieldFormat) -> Text {
     let (texture, words) = match format {
-        FieldFormat::Scalar => ("r32float", 1),
+        // Halves are not published.
+        FieldFormat::Scalar | FieldFormat::Half { .. } => ("r32float", 1),
         FieldFormat::Rgba => ("rgba32float", 4),
     };
     let mut text = Text::default();
@@ -243,5 +265,6 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
     text
 }
 
+mod bricks;
 #[cfg(test)]
 pub(crate) mod tests;

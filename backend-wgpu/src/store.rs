@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, FieldSpec, Limits, ResourceId};
+use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, FieldSpec, Layout, Limits, ResourceId};
 use wgpu::{Buffer, BufferUsages, TextureView};
 
 use crate::gpu::Gpu;
 use crate::memory::{Memory, Resource, Volume};
-use crate::source::{Fetched, Shape, ShapeKind, slab_binding, words};
+use crate::source::{Fetched, Shape, ShapeKind, index_binding, slab_binding, words};
 use crate::texels::{self, Texels};
 
 /// The resources under their ids, and what stands where a stage runs without one.
@@ -41,7 +41,7 @@ pub(crate) struct Bound<'s> {
 impl Store {
     /// A store without resources.
     pub(crate) fn new(gpu: &Gpu, limits: &Limits) -> Result<Self, DeviceError> {
-        let volume = |format| Volume::new(gpu, FieldSpec { dims: [1; 3], layers: 1, format }, limits);
+        let volume = |format| Volume::new(gpu, FieldSpec::dense([1; 3], 1, format), limits);
         let dummies = Dummies {
             read: gpu.buffer("nothing to read", DUMMY, BufferUsages::STORAGE)?,
             write: gpu.buffer("nothing to write", DUMMY * BINDINGS, BufferUsages::STORAGE)?,
@@ -101,8 +101,8 @@ impl Store {
                 (BindingAccess::Sample(_), Some(id)) => self.field(id)?.slabs.count(),
                 _ => 1,
             };
-            if matches!(binding.access, BindingAccess::Sample(_)) {
-                textures += u64::from(slabs);
+            if let BindingAccess::Sample(spec) = binding.access {
+                textures += u64::from(slabs) + u64::from(spec.layout != Layout::Dense);
             }
             Ok(Shape::new(binding, slabs))
         };
@@ -133,7 +133,9 @@ impl Store {
         };
         for (index, shape) in shapes.iter().enumerate() {
             match shape.kind {
-                ShapeKind::Field { slabs, .. } if !filtered => take(index, slabs),
+                // Not every device reads halves as storage textures.
+                ShapeKind::Field { format: FieldFormat::Half { .. }, .. } => {}
+                ShapeKind::Field { slabs, bricks, .. } if !filtered => take(index, slabs + u32::from(bricks)),
                 _ => {}
             }
         }
@@ -188,11 +190,13 @@ impl Store {
                 (BindingAccess::Sample(spec), id) => {
                     let volume = match (id, spec.format) {
                         (Some(id), _) => self.field(id)?,
-                        (None, FieldFormat::Scalar) => &self.dummies.scalar,
+                        (None, FieldFormat::Scalar | FieldFormat::Half { .. }) => &self.dummies.scalar,
                         (None, FieldFormat::Rgba) => &self.dummies.rgba,
                     };
                     let views = volume.textures.iter().zip(0..);
                     bound.textures.extend(views.map(|((_, view), slab)| (slab_binding(index, slab), view)));
+                    let atlas = volume.atlas.as_ref();
+                    bound.textures.extend(atlas.map(|atlas| (index_binding(index), &atlas.index_view)));
                 }
                 (BindingAccess::Read(_), Some(id)) if fetched.has(index) => {
                     let words = words(binding.element);

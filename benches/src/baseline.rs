@@ -36,8 +36,8 @@ impl Lookups {
             BareRay { origin: ray.at(0), step: ray.step(), samples: ray.steps }
         };
         let mut texels = density();
-        // Lookups at the edge touch a slice, a row and a texel more.
-        texels.resize(texels.len() + (DIMS.x * DIMS.y + DIMS.x + 1) as usize, 0.0);
+        // Lookups fetch two texels at a time, also at the edge.
+        texels.push(0.0);
         Self { texels, rays: (0..view.rays.len()).map(ray).collect() }
     }
 

@@ -141,7 +141,7 @@ impl Rig {
     /// # Errors
     /// A device fault.
     pub fn new(mut device: Box<dyn Device>) -> Result<Self, DeviceError> {
-        let spec = FieldSpec { dims: DIMS.to_array(), layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense(DIMS.to_array(), 1, FieldFormat::Scalar);
         let field = Field { id: ResourceId(0), spec };
         device.create(field.id, &ResourceSpec::Field(spec))?;
         let mut rig = Self { device, density: field, next: 1 };

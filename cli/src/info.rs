@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airlight::basis::window::{DIRECTIONS, Ringing};
-use airlight::device::Bytes;
+use airlight::device::{Bytes, FieldFormat, FieldSpec};
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::light::{Environment, Light, Split};
 use airlight::media::{ControlPoint, DensitySource, Grid, GridMedium, Lattice, Medium, OpticsField, OpticsFields};
-use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Reason, Scene};
+use airlight::scene::{Background, Extraction, Jitter, Material, Negative, Precision, Reason, Scene};
 use airlight::transfer::Channel;
 use airlight_formats::image::load_environment;
 use airlight_formats::scene::{Animation, LoadedSurface, SceneFile};
@@ -127,6 +127,7 @@ fn scene(path: &Path) -> Result<Value, Failure> {
             "jitter": jitter(quality.jitter),
             "scale": quality.scale,
             "temporal": quality.temporal,
+            "density": precision(quality.density),
         },
         "files": loaded.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>(),
         "warnings": loaded.warnings,
@@ -187,6 +188,13 @@ pub(crate) fn jitter(jitter: Jitter) -> &'static str {
     match jitter {
         Jitter::None => "none",
         Jitter::BlueNoise => "blue-noise",
+    }
+}
+
+pub(crate) fn precision(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F32 => "f32",
+        Precision::F16 => "f16",
     }
 }
 
@@ -430,6 +438,14 @@ fn slices(dims: UVec3, mut fill: impl FnMut(u32, &mut [f32]), mut visit: impl Fn
     }
 }
 
+/// What a density takes on a device: laid out, and in bricks where it is held sparse; in 32 and in 16 bits.
+fn device_bytes(medium: &dyn Medium) -> Value {
+    let dims = medium.lattice().dims().to_array();
+    let dense = [FieldFormat::Scalar, FieldFormat::half(1.0)].map(|format| FieldSpec::dense(dims, 1, format));
+    let bricks = medium.density_bricks().map(|bricks| dense.map(|field| field.in_bricks(bricks.layout()).bytes()));
+    json!({ "dense": dense.map(|field| field.bytes()), "bricks": bricks })
+}
+
 /// Size, place, range, mean and largest columns of a density.
 fn density(medium: &dyn Medium) -> Map<String, Value> {
     let lattice: &Lattice = medium.lattice();
@@ -438,6 +454,7 @@ fn density(medium: &dyn Medium) -> Map<String, Value> {
     map.insert("dims".into(), json!(dims.to_array()));
     map.insert("bounds".into(), json!([min.to_array(), max.to_array()]));
     map.insert("voxel_edges".into(), json!(lattice.edges().to_array()));
+    map.insert("device_bytes".into(), device_bytes(medium));
     if !walkable(dims) {
         map.insert("range".into(), Value::Null);
         return map;

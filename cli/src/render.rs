@@ -280,6 +280,7 @@ impl Picture<'_> {
             ("airlight.steps", scene.quality.steps.map_or_else(|| "by step".to_owned(), |steps| steps.to_string())),
             ("airlight.jitter", info::jitter(scene.quality.jitter).to_owned()),
             ("airlight.scale", scene.quality.scale.to_string()),
+            ("airlight.density", info::precision(scene.quality.density).to_owned()),
             ("airlight.temporal", scene.quality.temporal.to_string()),
             ("airlight.seconds", format!("{:.3}", self.rendering.as_secs_f64())),
             ("airlight.stages", stages.join("; ")),

@@ -64,7 +64,7 @@ impl Bench {
 
     /// A new scalar field of one layer.
     pub(crate) fn scalars(&mut self, dims: [u32; 3], data: &[f32]) -> Result<Field, Failed> {
-        let spec = FieldSpec { dims, layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense(dims, 1, FieldFormat::Scalar);
         let id = self.id();
         self.device.create(id, &ResourceSpec::Field(spec))?;
         self.device.write(id, 0, bytemuck::cast_slice(data))?;
@@ -73,7 +73,7 @@ impl Bench {
 
     /// A new RGBA field.
     pub(crate) fn colors(&mut self, dims: [u32; 3], layers: u32, data: &[[f32; 4]]) -> Result<Field, Failed> {
-        let spec = FieldSpec { dims, layers, format: FieldFormat::Rgba };
+        let spec = FieldSpec::dense(dims, layers, FieldFormat::Rgba);
         let id = self.id();
         self.device.create(id, &ResourceSpec::Field(spec))?;
         self.device.write(id, 0, bytemuck::cast_slice(data))?;

@@ -77,7 +77,7 @@ fn lengths() -> Axis<usize> {
     Axis::of("values", [1, 3, 16, 17, 1023, 4097])
 }
 
-const SPEC: FieldSpec = FieldSpec { dims: [7, 5, 9], layers: 1, format: FieldFormat::Scalar };
+const SPEC: FieldSpec = FieldSpec::dense([7, 5, 9], 1, FieldFormat::Scalar);
 const VOXELS: usize = 315;
 
 fn buffer(bytes: u64) -> ResourceSpec {
@@ -265,7 +265,7 @@ fn limits(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
     let mut device = subject.open()?;
     let beyond = device.info().limits.buffer_bytes.saturating_mul(4).saturating_add(64) & !15;
     refused("a buffer past every limit", device.create(ResourceId(1), &buffer(beyond.max(1 << 60))))?;
-    let spec = FieldSpec { dims: [u32::MAX, u32::MAX, u32::MAX], layers: 1, format: FieldFormat::Rgba };
+    let spec = FieldSpec::dense([u32::MAX, u32::MAX, u32::MAX], 1, FieldFormat::Rgba);
     refused("a field past every limit", device.create(ResourceId(2), &ResourceSpec::Field(spec)))?;
     // The device is as good as before.
     device.create(ResourceId(1), &buffer(64))?;

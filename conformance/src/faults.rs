@@ -161,7 +161,7 @@ fn buffer(bytes: u64) -> ResourceSpec {
 }
 
 fn field(dims: [u32; 3]) -> ResourceSpec {
-    ResourceSpec::Field(FieldSpec { dims, layers: 1, format: FieldFormat::Scalar })
+    ResourceSpec::Field(FieldSpec::dense(dims, 1, FieldFormat::Scalar))
 }
 
 fn invalid(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
@@ -238,8 +238,8 @@ fn untimed(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
 
 fn beyond(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let mut bench = Bench::new(subject)?;
-    let cube = FieldSpec { dims: [1 << 20; 3], layers: 1, format: FieldFormat::Rgba };
-    let layers = FieldSpec { dims: [64; 3], layers: u32::MAX, format: FieldFormat::Rgba };
+    let cube = FieldSpec::dense([1 << 20; 3], 1, FieldFormat::Rgba);
+    let layers = FieldSpec::dense([64; 3], u32::MAX, FieldFormat::Rgba);
     for spec in [buffer(1 << 60), buffer(u64::MAX - 3), ResourceSpec::Field(cube), ResourceSpec::Field(layers)] {
         let id = bench.id();
         let error = bench.device.create(id, &spec).err();

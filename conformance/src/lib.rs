@@ -32,6 +32,7 @@ mod faults;
 mod fixtures;
 mod frames;
 mod keys;
+mod layouts;
 mod limits;
 mod paths;
 pub mod pictures;
@@ -146,6 +147,7 @@ pub fn cases() -> Vec<Case> {
         suns::cases(),
         paths::cases(),
         keys::cases(),
+        layouts::cases(),
         sequences::cases(),
         pictures::cases(),
         scattering::cases(),

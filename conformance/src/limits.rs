@@ -86,7 +86,7 @@ fn bench(subject: &Subject, narrow: bool) -> Result<Bench, Failed> {
 }
 
 fn scalars(dims: [u32; 3]) -> FieldSpec {
-    FieldSpec { dims, layers: 1, format: FieldFormat::Scalar }
+    FieldSpec::dense(dims, 1, FieldFormat::Scalar)
 }
 
 fn refusals(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
@@ -193,7 +193,7 @@ struct Layered {
 
 impl Layered {
     fn new(dims: [u32; 3], bands: u32) -> Self {
-        let spec = FieldSpec { dims, layers: bands * bands, format: FieldFormat::Rgba };
+        let spec = FieldSpec::dense(dims, bands * bands, FieldFormat::Rgba);
         let mut params = MarchParams::zeroed();
         params.dims = [8, 6, 10, 0];
         (params.index_x, params.index_y) = ([8.0, 0.0, 0.0, 0.0], [0.0, 6.0, 0.0, 0.0]);

@@ -84,6 +84,8 @@ const CPU: Backend = Backend {
         ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
         ("field", "texel", "generated elsewhere"),
+        ("field", "uniform", "generated elsewhere"),
+        ("field", "empty", "generated elsewhere"),
         ("field", "single", "a path is alone, and a packet of it would look up sixteen points"),
         ("field", "place", "the place of a lookup serves all layers"),
         ("field", "layer", "the place of a lookup serves all layers"),

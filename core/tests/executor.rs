@@ -231,7 +231,7 @@ fn a_resource_of_another_size_is_made_anew() {
 #[test]
 fn publications_follow_what_they_are_made_of() {
     let (mut executor, _) = Bookkeeper::executor(None);
-    let spec = FieldSpec { dims: [10, 10, 10], layers: 1, format: FieldFormat::Rgba };
+    let spec = FieldSpec::dense([10, 10, 10], 1, FieldFormat::Rgba);
     for (value, expected) in [(1.0, vec![true, true]), (1.0, vec![false, false]), (2.0, vec![true, true])] {
         let build = |plan: &mut Plan<'_>| -> Result<(), ExecError> {
             let out = chain(plan, value, 0.0)?;

@@ -137,7 +137,7 @@ fn a_budget_of_ones_own_holds_and_sizes_past_all_numbers_are_refused() {
     executor.set_budget(100);
     assert_eq!(refused(run(&mut executor, 101, 0)), (101, 100));
     let huge = executor.run(&mut Hooks::default(), |plan| {
-        let spec = FieldSpec { dims: [i32::MAX as u32; 3], layers: 1, format: FieldFormat::Rgba };
+        let spec = FieldSpec::dense([i32::MAX as u32; 3], 1, FieldFormat::Rgba);
         plan.upload_field("density", spec, &0, |_, _| panic!("nothing of it is made"));
         plan.work::<[f32; 4]>("film", u64::MAX / 2);
         Ok::<_, ExecError>(())

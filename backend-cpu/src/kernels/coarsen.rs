@@ -62,7 +62,17 @@ fn coarsen(inputs: &Inputs<'_>, index: u32) -> [f32; PLANES] {
     let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
     for k in lo[2]..=hi[2] {
         for j in lo[1]..=hi[1] {
-            for i in lo[0]..=hi[0] {
+            let mut i = lo[0];
+            while i <= hi[0] {
+                // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
+                let mut zeros = inputs.density.empty([i, j, k]);
+                if let Some(emission) = inputs.emission {
+                    zeros = zeros.min(emission.empty([i, j, k]));
+                }
+                if zeros > 0 {
+                    i += zeros;
+                    continue;
+                }
                 let w = share(begin[0], end[0], i) * share(begin[1], end[1], j) * share(begin[2], end[2], k);
                 let rho = inputs.density.texel([i, j, k]);
                 let n = ((k * p.dims[1] + j) * p.dims[0] + i) as usize;
@@ -78,6 +88,7 @@ fn coarsen(inputs: &Inputs<'_>, index: u32) -> [f32; PLANES] {
                 density += w * rho;
                 scatters = [0, 1, 2].map(|c| scatters[c] + w * own[c]);
                 shines = [0, 1, 2].map(|c| shines[c] + w * glow[c]);
+                i += 1;
             }
         }
     }

@@ -1,5 +1,8 @@
 //! Lookups of fields.
 
+use airlight_core::device::{BrickLayout, FieldSpec, Layout};
+
+use crate::held::{Bricks, Held, Pairs};
 use crate::packet::{F, I, LANES, M, lerp, triple};
 use crate::simd::Simd;
 
@@ -199,25 +202,25 @@ fn between<S: Simd>(texels: &[[f32; 4]; 2], c: usize, f: F<S>) -> F<S> {
     f * (texels[1][c] - texels[0][c]) + texels[0][c]
 }
 
-/// One layer of scalars that packets look up: the only place that reads memory without a check.
+/// One layer of scalars that packets look up, however it is held: the only place that reads memory without a check.
 #[derive(Clone, Copy)]
 pub(crate) struct Scalars<'a> {
-    /// The texels and more: see [`Scalars::behind`].
-    texels: &'a [f32],
+    texels: Held<'a>,
     dims: [i32; 3],
+    /// Where blocks find their texels, where those are not dense.
+    bricks: Option<Bricks<'a>>,
 }
 
 impl<'a> Scalars<'a> {
-    /// Floats that must lie behind the texels: at the edge the next texel has no weight, and is looked up all the same.
-    pub(crate) fn behind([x, y, _]: [u32; 3]) -> usize {
-        x as usize * y as usize + x as usize + 1
-    }
-
-    /// The texels of a field of `dims`, with finite floats behind them.
-    pub(crate) fn new(texels: &'a [f32], dims: [u32; 3]) -> Self {
-        let count = dims.iter().map(|&d| d as usize).product::<usize>() + Self::behind(dims);
-        assert!(dims.iter().all(|&d| d > 0) && texels.len() >= count && count <= i32::MAX as usize);
-        Self { texels, dims: dims.map(|d| d as i32) }
+    /// The texels of a field, with at least one float behind them.
+    pub(crate) fn new(memory: &'a [f32], spec: &FieldSpec) -> Self {
+        let dims = spec.dims.map(|d| d as i32);
+        assert!(dims.iter().all(|&d| d > 0));
+        let bricks =
+            if let Layout::Bricks(layout) = spec.layout { Some(Bricks::new(memory, spec, layout)) } else { None };
+        let memory = bricks.as_ref().map_or(memory, |bricks| bricks.behind(memory));
+        let count = bricks.as_ref().map_or(dims.iter().map(|&d| d as usize).product(), |bricks| bricks.texels());
+        Self { texels: Held::new(memory, spec.format, count), dims, bricks }
     }
 
     /// Texels along x, y, z as floats.
@@ -229,7 +232,25 @@ impl<'a> Scalars<'a> {
     /// A single texel.
     #[inline(always)]
     pub(crate) fn texel(&self, [i, j, k]: [u32; 3]) -> f32 {
-        self.texels[(k as usize * self.dims[1] as usize + j as usize) * self.dims[0] as usize + i as usize]
+        match &self.bricks {
+            None => {
+                let place = (k as usize * self.dims[1] as usize + j as usize) * self.dims[0] as usize + i as usize;
+                self.texels.one(place)
+            }
+            Some(bricks) => self.texels.one(bricks.single([i, j, k])),
+        }
+    }
+
+    /// Whether all blocks from that of one texel to that of another are few and share a brick of one value.
+    #[inline(always)]
+    pub(crate) fn uniform(&self, lo: [u32; 3], hi: [u32; 3]) -> bool {
+        self.bricks.as_ref().is_some_and(|bricks| bricks.uniform(lo, hi))
+    }
+
+    /// How many texels along x, from one on, lie in a block that holds zero.
+    #[inline(always)]
+    pub(crate) fn empty(&self, at: [u32; 3]) -> u32 {
+        self.bricks.as_ref().map_or(0, |bricks| bricks.empty(at, &self.texels))
     }
 
     /// Coordinates `p` within the texels' along axis `a`, also where they are not numbers.
@@ -244,10 +265,31 @@ impl<'a> Scalars<'a> {
         let q = triple!(a => self.within(p[a], a));
         let lo = triple!(a => q[a].to_int());
         let f = triple!(a => q[a] - lo[a].to_float());
-        let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
-        let at = lo[0].plus(lo[1].times(row)).plus(lo[2].times(slice));
-        let near = lerp(self.row(at, 0, f[0]), self.row(at, row, f[0]), f[1]);
-        let far = lerp(self.row(at, slice, f[0]), self.row(at, slice + row, f[0]), f[1]);
+        let (near, dy, dz) = match &self.bricks {
+            None => {
+                let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
+                // To the next texel: none at the edge. Along x the one behind has no weight there.
+                let dy = lo[1].below(self.dims[1] - 1).choose(row);
+                let dz = lo[2].below(self.dims[2] - 1).choose(slice);
+                (lo[0].plus(lo[1].times(row)).plus(lo[2].times(slice)), dy, dz)
+            }
+            Some(bricks) => {
+                let side = BrickLayout::SIDE as i32;
+                (bricks.places(lo), I::splat(side), I::splat(side * side))
+            }
+        };
+        match self.texels {
+            Held::Floats(texels) => self.between::<S, _>(texels, near, [dy, dz], f),
+            Held::Halves(texels) => self.between::<S, _>(texels, near, [dy, dz], f),
+        }
+    }
+
+    /// Between the texel at `near`, the one behind it, and those a hop further along y and z.
+    #[inline(always)]
+    fn between<S: Simd, T: Pairs>(&self, texels: T, near: I<S>, [dy, dz]: [I<S>; 2], f: [F<S>; 3]) -> F<S> {
+        let far = near.plus(dz);
+        let near = lerp(self.row(texels, near, f[0]), self.row(texels, near.plus(dy), f[0]), f[1]);
+        let far = lerp(self.row(texels, far, f[0]), self.row(texels, far.plus(dy), f[0]), f[1]);
         lerp(near, far, f[2])
     }
 
@@ -257,22 +299,31 @@ impl<'a> Scalars<'a> {
         let q = triple!(a => p[a].max(0.0).min((self.dims[a] - 1) as f32));
         let lo = triple!(a => q[a] as usize);
         let f = triple!(a => q[a] - lo[a] as f32);
-        let pitch = [1, self.dims[0] as usize, self.dims[0] as usize * self.dims[1] as usize];
-        let [dx, dy, dz] = triple!(a => if lo[a] + 1 < self.dims[a] as usize { pitch[a] } else { 0 });
-        let near = lo[0] + lo[1] * pitch[1] + lo[2] * pitch[2];
+        let (near, [dx, dy, dz]) = match &self.bricks {
+            None => {
+                let pitch = [1, self.dims[0] as usize, self.dims[0] as usize * self.dims[1] as usize];
+                let hop = triple!(a => if lo[a] + 1 < self.dims[a] as usize { pitch[a] } else { 0 });
+                (lo[0] + lo[1] * pitch[1] + lo[2] * pitch[2], hop)
+            }
+            Some(bricks) => {
+                let side = BrickLayout::SIDE as usize;
+                (bricks.single(triple!(a => lo[a] as u32)), [1, side, side * side])
+            }
+        };
         let mix = |a: f32, b: f32, f: f32| a + (b - a) * f;
-        let row = |at: usize| mix(self.texels[at], self.texels[at + dx], f[0]);
+        let row = |at: usize| mix(self.texels.one(at), self.texels.one(at + dx), f[0]);
         let plane = |at: usize| mix(row(at), row(at + dy), f[1]);
         mix(plane(near), plane(near + dz), f[2])
     }
 
-    /// Between the texels `by` after those at `at` and the ones behind them.
+    /// Between the texels at `at` and those behind them.
     #[inline(always)]
-    fn row<S: Simd>(&self, at: I<S>, by: i32, f: F<S>) -> F<S> {
+    fn row<S: Simd, T: Pairs>(&self, texels: T, at: I<S>, f: F<S>) -> F<S> {
         // SAFETY: offsets come from `sample` alone: each index is clamped to [0, dims - 1], also where the point is
-        // not a number, `by` is at most a slice and a row, and `new` checked that so much more lies behind the texels.
+        // not a number, steps stay within the texels or a brick that the index names, and `new` checked that there is one
+        // more than there are texels.
         #[allow(unsafe_code)]
-        let [a, b] = unsafe { S::two(self.texels.get_unchecked(by as usize..), at.0) };
-        lerp(F::of(a), F::of(b), f)
+        let [a, b] = unsafe { texels.two(at) };
+        lerp(a, b, f)
     }
 }

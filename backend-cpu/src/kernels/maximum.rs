@@ -17,11 +17,21 @@ pub(crate) fn maximum(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3]) -> f
     let hi = [0, 1, 2].map(|a| (end[a].floor() + 1.0).clamp(0.0, last[a]) as u32);
     let across = hi[1] - lo[1] + 1;
     let rows = across * (hi[2] - lo[2] + 1);
+    if field.uniform(lo, hi) {
+        return field.texel(lo).max(0.0);
+    }
     let mut most = 0.0f32;
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
-        for i in lo[0]..=hi[0] {
+        let mut i = lo[0];
+        while i <= hi[0] {
+            let zeros = field.empty([i, j, k]);
+            if zeros > 0 {
+                i += zeros;
+                continue;
+            }
             most = most.max(field.texel([i, j, k]));
+            i += 1;
         }
     }
     most

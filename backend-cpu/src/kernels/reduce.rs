@@ -54,13 +54,22 @@ fn mean(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f32) -> f3
     let lo = [0, 1, 2].map(|a| (begin[a].floor() as u32).min(p.dims[a] - 1));
     let hi = [0, 1, 2].map(|a| (end[a].ceil() as u32).clamp(1, p.dims[a]) - 1);
     let across = hi[1] - lo[1] + 1;
-    let rows = across * (hi[2] - lo[2] + 1);
+    // What holds zero alone adds nothing.
+    let zero = field.uniform(lo, hi) && field.texel(lo) == 0.0;
+    let rows = if zero { 0 } else { across * (hi[2] - lo[2] + 1) };
     let mut sum = before;
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
-        for i in lo[0]..=hi[0] {
+        let mut i = lo[0];
+        while i <= hi[0] {
+            let zeros = field.empty([i, j, k]);
+            if zeros > 0 {
+                i += zeros;
+                continue;
+            }
             let w = share(begin[0], end[0], i) * share(begin[1], end[1], j) * share(begin[2], end[2], k);
             sum += w * field.texel([i, j, k]);
+            i += 1;
         }
     }
     if p.row_end < Reduce::ALL_ROWS {

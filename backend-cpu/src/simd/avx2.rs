@@ -179,6 +179,24 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    unsafe fn halves(memory: &[f32], at: Ints) -> [Floats; 2] {
+        // Eight pairs: the first of each, and the second.
+        let eight = |at: __m256i| {
+            // SAFETY: the kernel is compiled for AVX2 and F16C, and the offsets are the caller's.
+            unsafe {
+                let pairs = _mm256_i32gather_epi32::<2>(memory.as_ptr().cast(), at);
+                let [low, high] = [_mm256_and_si256(pairs, _mm256_set1_epi32(0xffff)), _mm256_srli_epi32::<16>(pairs)];
+                let sorted = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packus_epi32(low, high));
+                let [low, high] = [_mm256_castsi256_si128(sorted), _mm256_extracti128_si256::<1>(sorted)];
+                [_mm256_cvtph_ps(low), _mm256_cvtph_ps(high)]
+            }
+        };
+        let [first, last] = i(at);
+        let ([a, b], [c, d]) = (eight(first), eight(last));
+        [from(a, c), from(b, d)]
+    }
+
+    #[inline(always)]
     fn bits(a: Masks) -> u32 {
         let [low, high] = f(from_ints(a));
         // SAFETY: the kernel is compiled for the set.

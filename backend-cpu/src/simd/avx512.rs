@@ -48,7 +48,7 @@ fn narrow(m: Masks) -> __mmask16 {
     unsafe { _mm512_movepi32_mask(i(m)) }
 }
 
-// SAFETY of all that follows: kernels are compiled for the set, and nothing but `one` and `two` touches memory.
+// SAFETY of all that follows: kernels are compiled for the set, and nothing but `one`, `two` and `halves` touches memory.
 impl Simd for Avx512 {
     #[inline(always)]
     fn add(a: Floats, b: Floats) -> Floats {
@@ -202,6 +202,16 @@ impl Simd for Avx512 {
         unsafe {
             let (first, at) = (memory.as_ptr(), i(at));
             [from(_mm512_i32gather_ps::<4>(at, first)), from(_mm512_i32gather_ps::<4>(at, first.add(1)))]
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn halves(memory: &[f32], at: Ints) -> [Floats; 2] {
+        // SAFETY: the offsets are the caller's.
+        unsafe {
+            let pairs = _mm512_i32gather_epi32::<2>(i(at), memory.as_ptr().cast());
+            let [low, high] = [_mm512_cvtepi32_epi16(pairs), _mm512_cvtepi32_epi16(_mm512_srli_epi32::<16>(pairs))];
+            [from(_mm512_cvtph_ps(low)), from(_mm512_cvtph_ps(high))]
         }
     }
 }

@@ -14,6 +14,7 @@ pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
 
+use crate::held::half;
 use crate::packet::{LANES, lanes};
 
 pub(crate) type Floats = [f32; LANES];
@@ -211,6 +212,21 @@ pub(crate) trait Simd: Copy + Send + Sync {
         });
         [lanes!(i => pairs[i][0]), lanes!(i => pairs[i][1])]
     }
+
+    /// The half at each offset and the one behind it, in the bits of floats that hold two each; offsets count halves. Halves
+    /// that are not numbers give anything.
+    ///
+    /// # Safety
+    /// Every offset and the one behind it lie within `from`.
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    unsafe fn halves(from: &[f32], at: Ints) -> [Floats; 2] {
+        // SAFETY: the caller's; the bytes need no alignment.
+        let pairs: [[u16; 2]; LANES] = lanes!(i => unsafe {
+            from.as_ptr().cast::<u16>().add(at[i] as usize).cast::<[u16; 2]>().read_unaligned()
+        });
+        [lanes!(i => half(pairs[i][0])), lanes!(i => half(pairs[i][1]))]
+    }
 }
 
 /// What every processor has.
@@ -232,6 +248,8 @@ mod tests {
         let n = lanes!(i => (i as i32 - 7) * 5);
         let m = lanes!(i => (i as i32 * 7) % 16);
         let memory: Vec<f32> = (0..17).map(|i| i as f32 * 1.5 - 3.0).collect();
+        // Zero, subnormal halves, and normal ones of both signs.
+        let halves: Vec<f32> = (0..9).map(|i| f32::from_bits(0x0a5f_0000 * i + 0x0003 * i)).collect();
         let less = S::less(a, b);
         for floats in [
             S::add(a, b),
@@ -265,6 +283,7 @@ mod tests {
             out.extend(S::to_int(finite).map(|n| n as u32));
             out.extend(S::one(&memory, m).map(f32::to_bits));
             out.extend(S::two(&memory, m).concat().iter().map(|v| v.to_bits()));
+            out.extend(S::halves(&halves, m).concat().iter().map(|v| v.to_bits()));
         }
         out.extend([S::bits(less), S::least(finite).to_bits(), S::most(finite).to_bits()]);
     }

@@ -18,6 +18,19 @@ pub(crate) fn shapes(stage: &Stage, slabs: u32, layered: bool) -> Vec<Shape> {
     shapes
 }
 
+/// The same with scalars in halves, and in bricks or dense.
+pub(crate) fn packed(stage: &Stage, slabs: u32, in_bricks: bool) -> Vec<Shape> {
+    let mut shapes = shapes(stage, slabs, false);
+    for shape in &mut shapes {
+        if let ShapeKind::Field { format, bricks, .. } = &mut shape.kind
+            && *format == FieldFormat::Scalar
+        {
+            (*format, *bricks) = (FieldFormat::Half { exponent: -8 }, in_bricks);
+        }
+    }
+    shapes
+}
+
 /// The kernel's arguments, as the text declares them.
 fn arguments<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
     let (_, after) = text.split_once(&format!("__kernel void {}(", entry_point(name))).unwrap();
@@ -68,6 +81,18 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
             assert_eq!((taken.next(), taken.next()), (scratch, None), "{}", source.name);
         }
     }
+}
+
+#[test]
+fn fields_in_bricks_take_an_index_and_the_number_of_constants() {
+    let stage = &examples(true)[0];
+    let text = of(stage, Lanes::One).text(&packed(stage, 2, true));
+    let taken = arguments(&text, "reduce");
+    let expected = ["density_index", "density_0", "density_1", "int density_constants", "int density_per_slab"];
+    for (got, expected) in taken[1..].iter().zip(expected) {
+        assert!(got.ends_with(expected), "{got} is not {expected}");
+    }
+    assert!(text.contains("vload_half(place, bound->density_1) * 0x1p-8f"), "{text}");
 }
 
 #[test]

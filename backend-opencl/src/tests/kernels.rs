@@ -7,7 +7,7 @@ use airlight_core::stage::{LightRecord, MarchParams, ProjectParams, ReduceParams
 
 use super::{content, device, empty};
 use crate::cl::Arg;
-use crate::source::tests::shapes;
+use crate::source::tests::{packed, shapes};
 use crate::source::{self, Launch, MAX_SLABS};
 
 #[test]
@@ -21,6 +21,20 @@ fn every_kernel_builds_with_and_without_what_is_optional_and_in_slabs() {
                 if let Err(error) = device.cl.build(source.name, &text, device.options, source.width) {
                     panic!("{} {full} {slabs} {layered}: {error}", source.name);
                 }
+            }
+        }
+    }
+}
+
+#[test]
+fn kernels_build_for_halves_and_bricks() {
+    let Some(mut device) = device() else { return };
+    for stage in &examples(true) {
+        for (slabs, bricks) in [(1, false), (1, true), (2, true)] {
+            let source = source::of(stage, device.lanes);
+            let text = source.text(&packed(stage, slabs, bricks));
+            if let Err(error) = device.cl.build(source.name, &text, device.options, source.width) {
+                panic!("{} {slabs} {bricks}: {error}", source.name);
             }
         }
     }

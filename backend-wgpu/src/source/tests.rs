@@ -12,6 +12,19 @@ fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
     stage.bindings().iter().map(|binding| Shape::new(binding, slabs)).collect()
 }
 
+/// The same with scalars in halves and in bricks.
+fn packed(stage: &Stage, half: bool) -> Vec<Shape> {
+    let mut shapes = shapes(stage, 1);
+    for shape in &mut shapes {
+        if let ShapeKind::Field { format, bricks, .. } = &mut shape.kind
+            && *format == FieldFormat::Scalar
+        {
+            (*format, *bricks) = (if half { FieldFormat::Half { exponent: -8 } } else { *format }, true);
+        }
+    }
+    shapes
+}
+
 /// The text of a kernel that reads memory and sampled textures.
 fn text(stage: &Stage, slabs: u32) -> Text {
     of(stage).text(&shapes(stage, slabs), Fetched::default(), false)
@@ -45,6 +58,16 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                         panic!("{} {full} {slabs} {fetched:?} {filtered}: {error}", stage.name());
                     }
                 }
+            }
+        }
+    }
+    for stage in &examples(true) {
+        let all = (0..stage.bindings().len()).fold(Fetched::default(), Fetched::with);
+        for (half, fetched, filtered) in
+            [(false, all, false), (false, Fetched::default(), false), (true, Fetched::default(), true)]
+        {
+            if let Err(error) = module(&of(stage).text(&packed(stage, half), fetched, filtered)) {
+                panic!("{} in bricks {half} {fetched:?} {filtered}: {error}", stage.name());
             }
         }
     }

@@ -73,6 +73,7 @@ impl Device for Toy {
         if self.memory.contains_key(&id) {
             return Err(DeviceError::Invalid(format!("resource {} exists", id.0)));
         }
+        spec.check_kind(self.field_kinds())?;
         let Limits { buffer_bytes, field_side, .. } = self.info.limits;
         if let ResourceSpec::Field(field) = spec {
             if field.texels() == 0 {
@@ -107,7 +108,7 @@ impl Device for Toy {
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.last = None;
         let resource = self.memory.get_mut(&id).ok_or_else(|| missing(id))?;
-        resource.spec.check_write(offset, data.len())?;
+        resource.spec.check_write(offset, data)?;
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut resource.words);
         bytes[offset as usize..][..data.len()].copy_from_slice(data);
         Ok(())

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use super::{Device, DeviceError, DeviceInfo, Limits, ResourceId, ResourceSpec, StageTime};
+use super::{Device, DeviceError, DeviceInfo, FieldKinds, Limits, ResourceId, ResourceSpec, StageTime};
 use crate::device::{Binding, BindingAccess};
 use crate::stage::Stage;
 
@@ -16,6 +16,10 @@ macro_rules! forward {
 
         fn free_memory(&self) -> Option<u64> {
             self.inner.free_memory()
+        }
+
+        fn field_kinds(&self) -> FieldKinds {
+            self.inner.field_kinds()
         }
 
         fn create(&mut self, id: ResourceId, spec: &ResourceSpec) -> Result<(), DeviceError> {

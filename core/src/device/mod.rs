@@ -7,6 +7,7 @@ mod bytes;
 mod check;
 mod decorate;
 mod kernel;
+mod layout;
 mod resource;
 mod slabs;
 mod text;
@@ -20,6 +21,7 @@ pub use decorate::{Fault, Faulty, Traced};
 pub use kernel::{
     BufferElement, KernelElement, KernelField, KernelScalar, KernelStruct, check_layout as kernel_check_layout,
 };
+pub use layout::{BrickLayout, FieldKinds, Layout};
 pub use resource::{Binding, BindingAccess, Buf, Field, FieldFormat, FieldSpec, ResourceId, ResourceSpec, Usage};
 pub use slabs::{Slabs, fold};
 pub use text::{Helper, KernelFile, KernelLanguage, KernelText, Recipe, Shape, ShapeKind};
@@ -39,6 +41,12 @@ pub trait Device: Any + Send {
         None
     }
 
+    /// What fields the device holds beside dense ones of 32-bit floats. By default none: it is asked for no others, but
+    /// [`Device::create`] must refuse them ([`ResourceSpec::check_kind`]).
+    fn field_kinds(&self) -> FieldKinds {
+        FieldKinds::default()
+    }
+
     /// Makes the resource `id`, filled with zeros.
     ///
     /// # Errors
@@ -48,11 +56,11 @@ pub trait Device: Any + Send {
     /// Frees the resource `id`, if it exists.
     fn destroy(&mut self, id: ResourceId);
 
-    /// Writes bytes from `offset` on, both in whole 4-byte words. Fields take whole z-slices: layer fastest, then x, y
-    /// and z.
+    /// Writes bytes from `offset` on. Buffers take whole 4-byte words; dense fields whole z-slices: layer fastest, then
+    /// x, y and z; fields in bricks words of their index, or whole bricks ([`BrickLayout`]).
     ///
     /// # Errors
-    /// No such resource; bytes past its end; parts of words or slices.
+    /// No such resource; bytes past its end; parts of words, slices or bricks; an index that names no brick.
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError>;
 
     /// Reads bytes of a buffer from `offset` on, both in whole 4-byte words, after all work so far.

@@ -2,7 +2,10 @@
 
 use std::marker::PhantomData;
 
+use half::f16;
+
 use super::kernel::{BufferElement, KernelElement, KernelScalar};
+use super::layout::{BrickLayout, Layout};
 
 /// Identity of a resource on a device; the executor chooses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -19,20 +22,49 @@ pub enum Usage {
     Output,
 }
 
-/// What a texel of a field holds, in 32-bit floats.
+/// What a texel of a field holds. Kernels see 32-bit floats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FieldFormat {
-    /// One value.
+    /// One value, a 32-bit float.
     Scalar,
-    /// Red, green, blue and one more.
+    /// One value, a 16-bit float of IEEE 754 (binary16) times 2^`exponent`.
+    Half {
+        /// From [`FieldFormat::LEAST_EXPONENT`] to [`FieldFormat::MOST_EXPONENT`]. Kernels are built for it.
+        exponent: i8,
+    },
+    /// Red, green, blue and one more, 32-bit floats.
     Rgba,
 }
 
 impl FieldFormat {
+    /// The least exponent of halves: the smallest of them is still a normal number as a 32-bit float.
+    pub const LEAST_EXPONENT: i8 = -96;
+    /// The largest exponent of halves, by far enough for [`LARGEST`](crate::media::LARGEST).
+    pub const MOST_EXPONENT: i8 = 48;
+
+    /// Halves for values from 0 to `most`. The exponent is a multiple of 8, so that few differ, and puts `most` between
+    /// 2^7 and 2^15: what is 2^21 times smaller still has all bits of a half.
+    pub fn half(most: f32) -> Self {
+        // f32's own exponent; that of zero and of subnormal numbers is below all others.
+        let log2 = (most.to_bits() >> 23 & 0xff) as i32 - 127;
+        let exponent = (log2 - 7).div_euclid(8) * 8;
+        let exponent = exponent.clamp(Self::LEAST_EXPONENT.into(), Self::MOST_EXPONENT.into());
+        Self::Half { exponent: exponent as i8 }
+    }
+
+    /// What a texel's number is multiplied by.
+    pub fn factor(self) -> f32 {
+        match self {
+            Self::Scalar | Self::Rgba => 1.0,
+            Self::Half { exponent } => f32::from_bits(((127 + i32::from(exponent)) as u32) << 23),
+        }
+    }
+
     /// Bytes of a texel.
     pub fn bytes(self) -> u64 {
         match self {
             Self::Scalar => 4,
+            Self::Half { .. } => 2,
             Self::Rgba => 16,
         }
     }
@@ -40,8 +72,21 @@ impl FieldFormat {
     /// What a texel is in kernels.
     pub fn element(self) -> KernelElement {
         match self {
-            Self::Scalar => KernelElement::Scalar(KernelScalar::F32),
+            Self::Scalar | Self::Half { .. } => KernelElement::Scalar(KernelScalar::F32),
             Self::Rgba => KernelElement::Scalar(KernelScalar::F32x4),
+        }
+    }
+
+    /// Writes the bytes of as many texels as there are values, one each, as the host writes them to a device; `out` may be
+    /// longer. Values past the largest half become it.
+    pub fn encode(self, values: &[f32], out: &mut [u8]) {
+        if let Self::Half { .. } = self {
+            let by = 1.0 / self.factor();
+            for (&v, to) in values.iter().zip(out.chunks_exact_mut(2)) {
+                to.copy_from_slice(&f16::from_f32((v * by).min(f16::MAX.to_f32())).to_le_bytes());
+            }
+        } else {
+            out[..size_of_val(values)].copy_from_slice(bytemuck::cast_slice(values));
         }
     }
 }
@@ -55,23 +100,41 @@ pub struct FieldSpec {
     pub layers: u32,
     /// What a texel holds.
     pub format: FieldFormat,
+    /// How texels are held.
+    pub layout: Layout,
 }
 
 impl FieldSpec {
+    /// A dense field.
+    pub const fn dense(dims: [u32; 3], layers: u32, format: FieldFormat) -> Self {
+        Self { dims, layers, format, layout: Layout::Dense }
+    }
+
+    /// The same field in bricks.
+    pub const fn in_bricks(self, layout: BrickLayout) -> Self {
+        Self { layout: Layout::Bricks(layout), ..self }
+    }
+
     /// Texels of all layers; the largest number there is where they are more.
     pub fn texels(&self) -> u64 {
         self.dims.iter().fold(u64::from(self.layers), |n, &d| n.saturating_mul(d.into()))
     }
 
-    /// Bytes of one z-slice of all layers. The host writes fields in whole slices: layer fastest, then x, y and z.
+    /// Bytes of one z-slice of all layers. The host writes dense fields in whole slices: layer fastest, then x, y and z.
     pub fn slice_bytes(&self) -> u64 {
         let texels = u64::from(self.dims[0]).saturating_mul(self.dims[1].into()).saturating_mul(self.layers.into());
         texels.saturating_mul(self.format.bytes())
     }
 
-    /// Bytes of all layers.
+    /// Bytes of all layers, or of the index and all bricks.
     pub fn bytes(&self) -> u64 {
-        self.texels().saturating_mul(self.format.bytes())
+        match self.layout {
+            Layout::Dense => self.texels().saturating_mul(self.format.bytes()),
+            Layout::Bricks(layout) => {
+                let bricks = u64::from(layout.bricks).saturating_mul(BrickLayout::brick_bytes(self.format));
+                BrickLayout::index_bytes(self.dims).saturating_add(bricks)
+            }
+        }
     }
 }
 
@@ -169,7 +232,7 @@ pub struct Binding {
 impl Binding {
     /// A field that is sampled. Its format is said also where the stage runs without it, because a kernel is typed.
     pub fn sample(name: &'static str, format: FieldFormat, field: Option<Field>) -> Self {
-        let none = FieldSpec { dims: [0; 3], layers: 0, format };
+        let none = FieldSpec::dense([0; 3], 0, format);
         let access = BindingAccess::Sample(field.map_or(none, |f| f.spec));
         Self { name, id: field.map(|f| f.id), access, element: format.element(), part: None }
     }
@@ -189,5 +252,39 @@ impl Binding {
     /// The same, of which each group of the work axis touches `elements` elements of its own, in order.
     pub fn in_parts<T>(self, elements: u64) -> Self {
         Self { part: Some(elements * size_of::<T>() as u64), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::LARGEST;
+
+    #[test]
+    fn exponents_put_the_largest_value_where_halves_have_all_bits() {
+        for most in [1e-30, 6e-8, 0.01, 0.9999, 1.0, 2.0, 255.9, 32768.0, 1e9, LARGEST] {
+            let format = FieldFormat::half(most);
+            let FieldFormat::Half { exponent } = format else { panic!("{format:?}") };
+            assert_eq!((exponent % 8, format.bytes(), format.factor()), (0, 2, 2f32.powi(exponent.into())));
+            let scaled = most / format.factor();
+            assert!((128.0..32768.0).contains(&scaled) || exponent == FieldFormat::LEAST_EXPONENT, "{most}: {scaled}");
+        }
+        for (most, least) in [(0.0, FieldFormat::LEAST_EXPONENT), (f32::MAX, FieldFormat::MOST_EXPONENT)] {
+            assert_eq!(FieldFormat::half(most), FieldFormat::Half { exponent: least });
+        }
+    }
+
+    #[test]
+    fn halves_are_rounded_to_eleven_bits_and_end_at_the_largest() {
+        let format = FieldFormat::half(3.0);
+        let values = [0.0, 3.0, 1.0 + 2f32.powi(-11), 1.0 + 3.0 * 2f32.powi(-11), 3.0 * 2f32.powi(-21), 1e9];
+        let mut bytes = [0; 14];
+        format.encode(&values, &mut bytes);
+        let found = bytes.chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32() * format.factor());
+        let expected = [0.0, 3.0, 1.0, 1.0 + 2f32.powi(-9), 3.0 * 2f32.powi(-21), 65504.0 / 256.0, 0.0];
+        assert_eq!(found.collect::<Vec<_>>(), expected);
+        let mut words = [0; 4];
+        FieldFormat::Scalar.encode(&[1.5], &mut words);
+        assert_eq!(words, 1.5f32.to_le_bytes());
     }
 }

@@ -3,7 +3,7 @@
 //! helpers that kernels share, and the kernel's own file. What goes into it is said here once for every language; a
 //! backend brings its files and how its language declares what a stage binds.
 
-use super::{Binding, BindingAccess, KernelElement, KernelStruct};
+use super::{Binding, BindingAccess, FieldFormat, KernelElement, KernelStruct, Layout};
 use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
@@ -40,6 +40,15 @@ impl KernelLanguage {
         match self {
             Self::Wgsl => format!("const {name}: f32 = {value:?};\n"),
             Self::Opencl => format!("#define {name} {value:?}f\n"),
+        }
+    }
+
+    /// A texel's number in the text of an expression that reads it, times what its format says, exactly.
+    pub fn scaled(self, format: FieldFormat, texel: &str) -> String {
+        match format {
+            // Hexadecimal floats are alike in both languages.
+            FieldFormat::Half { exponent } if exponent != 0 => format!("{texel} * 0x1p{exponent:+}f"),
+            FieldFormat::Half { .. } | FieldFormat::Scalar | FieldFormat::Rgba => texel.to_owned(),
         }
     }
 
@@ -449,6 +458,10 @@ pub enum ShapeKind {
         slabs: u32,
         /// Whether it has more layers than one.
         layered: bool,
+        /// What a texel holds.
+        format: FieldFormat,
+        /// Whether it is held in bricks.
+        bricks: bool,
     },
 }
 
@@ -456,7 +469,10 @@ impl Shape {
     /// Of a binding whose field, if it is one, is held in so many slabs.
     pub fn new(binding: &Binding, slabs: u32) -> Self {
         let kind = match binding.access {
-            BindingAccess::Sample(spec) => ShapeKind::Field { slabs, layered: spec.layers > 1 },
+            BindingAccess::Sample(spec) => {
+                let bricks = spec.layout != Layout::Dense;
+                ShapeKind::Field { slabs, layered: spec.layers > 1, format: spec.format, bricks }
+            }
             BindingAccess::Read(_) => ShapeKind::Read,
             BindingAccess::Write(_) => ShapeKind::Write,
         };

@@ -95,6 +95,6 @@ pub(super) fn propagate<'a>(
     let out = plan.work("light depths", values);
     let lights = plan.table("light places", places);
     plan.stage(Stage::Propagate(Propagate { params, density: medium.density, occupancy, lights, faces, out }));
-    let spec = FieldSpec { dims: cells, layers, format: FieldFormat::Rgba };
+    let spec = FieldSpec::dense(cells, layers, FieldFormat::Rgba);
     LightDepth { field: plan.publish("light depth", out, spec), mean }
 }

@@ -52,7 +52,7 @@ impl Estimator for Records {
             }
         };
         let out = setup.relight(records, emission_records, plan);
-        let spec = FieldSpec { dims: setup.cells, layers: setup.layers, format: FieldFormat::Rgba };
+        let spec = FieldSpec::dense(setup.cells, setup.layers, FieldFormat::Rgba);
         let field = plan.publish("in-scatter", out, spec);
         let trilinear = self.interpolation == Interpolation::Trilinear;
         sources.field = Some(InScatter { field, cells: setup.cells, bands: setup.bands, trilinear });

@@ -212,7 +212,7 @@ impl<'a> Scattering<'a> {
             light,
             out,
         }));
-        let spec = FieldSpec { dims: self.ordinates.cells, layers, format: FieldFormat::Rgba };
+        let spec = FieldSpec::dense(self.ordinates.cells, layers, FieldFormat::Rgba);
         plan.publish("scattered", out, spec)
     }
 }

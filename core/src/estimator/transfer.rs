@@ -92,7 +92,7 @@ impl<'a> Relit<'a> {
             out,
         };
         plan.stage(Stage::Reconstruct(reconstruct));
-        let spec = FieldSpec { dims: shape.cells, layers, format: FieldFormat::Rgba };
+        let spec = FieldSpec::dense(shape.cells, layers, FieldFormat::Rgba);
         let field = plan.publish("transfer in-scatter", out, spec);
         let bands = if layers == 1 { 1 } else { bands };
         sources.field = Some(InScatter { field, cells: shape.cells, bands, trilinear: true });

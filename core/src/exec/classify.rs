@@ -18,7 +18,7 @@ pub(super) struct Fields {
 /// Plans them: what scatters and what shines where that is asked for.
 pub(super) fn plan_classified<'a>(medium: &'a Classified, [scatters, emits]: [bool; 2], plan: &mut Plan<'a>) -> Fields {
     let (dims, voxels) = (medium.lattice().dims().to_array(), medium.lattice().voxels());
-    let spec = |format| FieldSpec { dims, layers: 1, format };
+    let spec = |format| FieldSpec::dense(dims, 1, format);
     let version = medium.values_version();
     let values =
         plan.upload_field("values", spec(FieldFormat::Scalar), &version, move |k, out| medium.values_slice(k, out));

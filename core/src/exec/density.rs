@@ -2,14 +2,41 @@
 
 use super::classify::plan_classified;
 use super::plan::Plan;
+use crate::Version;
 use crate::device::{Buf, Field, FieldFormat, FieldSpec};
-use crate::media::{DensitySource, FractalNoise, Gaussians, Medium};
+use crate::media::{Bricks, DensitySource, FractalNoise, Gaussians, Medium};
+use crate::scene::{Precision, Scene};
 use crate::stage::{BlobRecord, Inject, InjectParams, Stage, inject_kind};
 
+/// Plans a field of densities of a medium that the host writes: in halves where that is asked for and `bound` known, and in
+/// bricks where the medium holds it sparse and they take less than half of what it takes laid out.
+pub(super) fn plan_scalars<'a>(
+    slot: &str,
+    scene: &Scene,
+    version: Version,
+    bound: Option<f32>,
+    bricks: Option<&'a Bricks>,
+    slice: impl FnMut(u32, &mut [f32]) + 'a,
+    plan: &mut Plan<'a>,
+) -> Field {
+    let format = match (scene.quality.density, bound) {
+        (Precision::F16, Some(bound)) => FieldFormat::half(bound),
+        _ => FieldFormat::Scalar,
+    };
+    let spec = FieldSpec::dense(scene.medium.lattice().dims().to_array(), 1, format);
+    if let Some(bricks) = bricks
+        && spec.in_bricks(bricks.layout()).bytes() < spec.bytes() / 2
+    {
+        return plan.upload_bricks(slot, spec, &version, bricks);
+    }
+    plan.upload_field(slot, spec, &version, slice)
+}
+
 /// Plans the field of a medium's density.
-pub(super) fn plan_density<'a>(medium: &'a dyn Medium, plan: &mut Plan<'a>) -> Field {
+pub(super) fn plan_density<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Field {
+    let medium = scene.medium.as_ref();
     let lattice = medium.lattice();
-    let spec = FieldSpec { dims: lattice.dims().to_array(), layers: 1, format: FieldFormat::Scalar };
+    let spec = FieldSpec::dense(lattice.dims().to_array(), 1, FieldFormat::Scalar);
     let version = medium.version();
     let noise = |noise: &FractalNoise, kind| {
         InjectParams::new(kind, lattice, InjectParams::in_cells(lattice, noise)).with_noise(noise)
@@ -17,7 +44,9 @@ pub(super) fn plan_density<'a>(medium: &'a dyn Medium, plan: &mut Plan<'a>) -> F
     let mut made = Made::default();
     let params = match medium.source() {
         DensitySource::Slices => {
-            return plan.upload_field("density", spec, &version, |k, out| medium.density_slice(k, out));
+            let bricks = plan.field_kinds().bricks.then(|| medium.density_bricks()).flatten();
+            let bound = medium.density_bound();
+            return plan_scalars("density", scene, version, bound, bricks, |k, out| medium.density_slice(k, out), plan);
         }
         DensitySource::Gaussians(gaussians) => {
             made.gaussians(gaussians, plan);

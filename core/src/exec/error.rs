@@ -29,8 +29,8 @@ pub enum ExecError {
     },
     /// The plan needs more memory than there is; nothing was allocated.
     #[error(
-        "{device}: this needs {} of memory and {} may be used (largest: {largest}); a medium of fewer voxels (every \
-         grid is laid out dense), a smaller picture or fewer cells and bands need less",
+        "{device}: this needs {} of memory and {} may be used (largest: {largest}); densities of 16 \
+         bits (`quality.density`), a medium of fewer voxels, a smaller picture or fewer cells and bands need less",
         Bytes(*needed),
         Bytes(*budget)
     )]

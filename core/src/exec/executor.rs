@@ -176,7 +176,7 @@ impl Executor {
     ) -> Result<(R, Report), E> {
         let Self { device, slots, held, pace, budget, patience, frame, unproven } = self;
         *frame += 1;
-        let mut plan = Plan::new(slots, *frame, device.info().limits);
+        let mut plan = Plan::new(slots, *frame, device.info().limits, device.field_kinds());
         let result = build(&mut plan)?;
         let (device, report, pending) = (device.as_mut(), Report::default(), Vec::new());
         let mut run = Run { device, held, pace, patience: *patience, report, pending, learns: false };

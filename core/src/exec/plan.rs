@@ -5,16 +5,22 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use bytemuck::Pod;
+use rayon::prelude::*;
 
 use super::key::Key;
 use super::solve::Solve;
 use crate::device::{
-    Binding, BindingAccess, Buf, Device, DeviceError, Field, FieldSpec, Limits, ResourceId, ResourceSpec, Usage,
+    Binding, BindingAccess, BrickLayout, Buf, Device, DeviceError, Field, FieldFormat, FieldKinds, FieldSpec, Limits,
+    ResourceId, ResourceSpec, Usage,
 };
+use crate::media::Bricks;
 use crate::stage::Stage;
 
 /// Fills a resource: called once, when its content is needed.
 pub(super) type Fill<'a> = Box<dyn FnOnce(&mut dyn Device, ResourceId) -> Result<(), DeviceError> + 'a>;
+
+/// Bricks that are made and written at a time.
+const BRICKS: u32 = 1024;
 
 pub(super) enum Work<'a> {
     Upload { id: ResourceId, fill: Fill<'a> },
@@ -80,12 +86,13 @@ pub struct Plan<'a> {
     /// Bytes that the host takes for itself while the plan runs and after.
     pub(super) host: u64,
     limits: Limits,
+    kinds: FieldKinds,
     keys: HashMap<ResourceId, Key>,
     frame: u64,
 }
 
 impl<'a> Plan<'a> {
-    pub(super) fn new(slots: &'a mut Slots, frame: u64, limits: Limits) -> Self {
+    pub(super) fn new(slots: &'a mut Slots, frame: u64, limits: Limits, kinds: FieldKinds) -> Self {
         Self {
             slots,
             nodes: Vec::new(),
@@ -94,6 +101,7 @@ impl<'a> Plan<'a> {
             handed: HashMap::new(),
             host: 0,
             limits,
+            kinds,
             keys: HashMap::new(),
             frame,
         }
@@ -120,6 +128,11 @@ impl<'a> Plan<'a> {
     /// The longest side of a field that the device holds in one piece.
     pub fn field_side(&self) -> u32 {
         self.limits.field_side
+    }
+
+    /// What fields the device holds beside dense ones of 32-bit floats.
+    pub fn field_kinds(&self) -> FieldKinds {
+        self.kinds
     }
 
     /// Counts bytes that the host needs beside the plan's resources, so that they are known to be there where host
@@ -186,7 +199,7 @@ impl<'a> Plan<'a> {
         self.upload(slot, data.len() as u64, &bytes, move || data)
     }
 
-    /// A field filled slice by slice: `slice` gets the number of the z-slice and where its texels go, layer fastest,
+    /// A dense field filled slice by slice: `slice` gets the number of the z-slice and where its texels go, layer fastest,
     /// then x and y. Its content depends on `content` alone.
     pub fn upload_field(
         &mut self,
@@ -196,17 +209,52 @@ impl<'a> Plan<'a> {
         mut slice: impl FnMut(u32, &mut [f32]) + 'a,
     ) -> Field {
         let id = self.declare(slot, ResourceSpec::Field(spec), None);
-        self.host(spec.slice_bytes());
+        let bytes = spec.slice_bytes();
+        let converts = matches!(spec.format, FieldFormat::Half { .. });
+        // What is converted lies there in both formats.
+        self.host(if converts { 3 * bytes } else { bytes });
         let fill: Fill<'a> = Box::new(move |device, id| {
-            let bytes = spec.slice_bytes();
-            let mut texels = vec![0.0f32; (bytes / 4) as usize];
+            let mut texels = vec![0.0f32; (bytes * if converts { 2 } else { 1 } / 4) as usize];
+            let mut encoded = vec![0u8; if converts { bytes as usize } else { 0 }];
             for z in 0..spec.dims[2] {
                 slice(z, &mut texels);
-                device.write(id, u64::from(z) * bytes, bytemuck::cast_slice(&texels))?;
+                let data: &[u8] = if converts {
+                    spec.format.encode(&texels, &mut encoded);
+                    &encoded
+                } else {
+                    bytemuck::cast_slice(&texels)
+                };
+                device.write(id, u64::from(z) * bytes, data)?;
             }
             Ok(())
         });
         self.push_upload(id, Key::of("field", &(spec, content)), fill);
+        Field { id, spec }
+    }
+
+    /// The field of scalars `dense`, but in bricks, which are made a few at a time. Its content depends on `content` alone.
+    pub fn upload_bricks(&mut self, slot: &str, dense: FieldSpec, content: &impl Hash, bricks: &'a Bricks) -> Field {
+        let (layout, format) = (bricks.layout(), dense.format);
+        let spec = dense.in_bricks(layout);
+        let id = self.declare(slot, ResourceSpec::Field(spec), None);
+        let bytes = BrickLayout::brick_bytes(format);
+        self.host(u64::from(BRICKS) * (bytes + BrickLayout::brick_bytes(FieldFormat::Scalar)));
+        let fill: Fill<'a> = Box::new(move |device, id| {
+            let index: &[u8] = bytemuck::cast_slice(bricks.index());
+            device.write(id, 0, index)?;
+            for first in (0..layout.bricks).step_by(BRICKS as usize) {
+                let count = BRICKS.min(layout.bricks - first);
+                let mut data = vec![0u8; (u64::from(count) * bytes) as usize];
+                data.par_chunks_exact_mut(bytes as usize).zip(first..first + count).for_each(|(out, number)| {
+                    let mut texels = [0.0; BrickLayout::TEXELS];
+                    bricks.fill(number, &mut texels);
+                    format.encode(&texels, out);
+                });
+                device.write(id, index.len() as u64 + u64::from(first) * bytes, &data)?;
+            }
+            Ok(())
+        });
+        self.push_upload(id, Key::of("bricks", &(spec, content)), fill);
         Field { id, spec }
     }
 

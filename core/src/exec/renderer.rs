@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::apart::{Medium, plan_accumulate, plan_rims, plan_upsample};
 use super::classify::{Fields, plan_classified};
-use super::density::plan_density;
+use super::density::{plan_density, plan_scalars};
 use super::error::RenderError;
 use super::executor::{Executor, Hooks, Report};
 use super::plan::Plan;
@@ -254,10 +254,16 @@ pub(super) fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Medium
     let fields = if let DensitySource::Classified(classified) = medium.source() {
         plan_classified(classified, [scatters, emits], plan)
     } else {
-        let density = plan_density(medium.as_ref(), plan);
+        let density = plan_density(scene, plan);
         let OpticsFields { scattering, emission, emission_color, seen } = medium.optics_fields();
-        let mut upload = |slot, format, field: Option<OpticsField<'a>>| {
-            let (field, spec) = (field?, FieldSpec { dims, layers: 1, format });
+        let emission = emission.filter(|_| emits).map(|field| {
+            let bricks = plan.field_kinds().bricks.then(|| field.bricks()).flatten();
+            let (version, bound) = (field.version(), field.bound());
+            let slice = move |k: u32, out: &mut [f32]| field.slice(k, out);
+            plan_scalars("emission density", scene, version, bound, bricks, slice, plan)
+        });
+        let mut upload = |slot, field: Option<OpticsField<'a>>| {
+            let (field, spec) = (field?, FieldSpec::dense(dims, 1, FieldFormat::Rgba));
             // What the medium needs to make a slice of it.
             plan.host(spec.slice_bytes());
             let version = field.version();
@@ -265,10 +271,10 @@ pub(super) fn upload_medium<'a>(scene: &'a Scene, plan: &mut Plan<'a>) -> Medium
         };
         Fields {
             density,
-            scattering: upload("scattering", FieldFormat::Rgba, scattering.filter(|_| scatters)),
-            emission: upload("emission density", FieldFormat::Scalar, emission.filter(|_| emits)),
-            emission_color: upload("emission color", FieldFormat::Rgba, emission_color.filter(|_| emits)),
-            seen: upload("seen", FieldFormat::Rgba, seen.filter(|_| scatters)),
+            scattering: upload("scattering", scattering.filter(|_| scatters)),
+            emission,
+            emission_color: upload("emission color", emission_color.filter(|_| emits)),
+            seen: upload("seen", seen.filter(|_| scatters)),
         }
     };
     let emission = EmissionSource::On { density: fields.emission, color: fields.emission_color };
@@ -485,7 +491,7 @@ pub(super) fn upload_sky<'a>(environment: &'a Environment, plan: &mut Plan<'a>) 
     let tint = environment.scale.extend(turns).to_array();
     let texels = &image.texels;
     let dims = fold(texels.len() as u64, SKY_SIDE.min(plan.field_side()));
-    let spec = FieldSpec { dims, layers: 1, format: FieldFormat::Rgba };
+    let spec = FieldSpec::dense(dims, 1, FieldFormat::Rgba);
     let field = plan.upload_field("environment", spec, &environment.version(), |k, out| {
         let first = k as usize * (out.len() / 4);
         for (place, to) in out.chunks_exact_mut(4).enumerate() {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::Bricks;
 use crate::Version;
 
 /// Fills slice k of a field, x fastest.
@@ -11,13 +12,31 @@ type Write<'a> = dyn Fn(u32, &mut [f32]) + 'a;
 pub struct OpticsField<'a> {
     version: Version,
     write: Box<Write<'a>>,
+    bound: Option<f32>,
+    bricks: Box<dyn Fn() -> Option<&'a Bricks> + 'a>,
 }
 
 impl<'a> OpticsField<'a> {
     /// A field of so many values a voxel as [`OpticsFields`] says. Equal versions mean equal values; `write` fills slice
     /// `k`, x fastest.
     pub fn new(version: Version, write: impl Fn(u32, &mut [f32]) + 'a) -> Self {
-        Self { version, write: Box::new(write) }
+        Self { version, write: Box::new(write), bound: None, bricks: Box::new(|| None) }
+    }
+
+    /// The same, of one value a voxel that does not exceed `bound`, and that `bricks` finds in bricks where it is held
+    /// sparse.
+    pub fn held_as(self, bound: f32, bricks: impl Fn() -> Option<&'a Bricks> + 'a) -> Self {
+        Self { bound: Some(bound), bricks: Box::new(bricks), ..self }
+    }
+
+    /// A bound that no value exceeds, where one is known.
+    pub fn bound(&self) -> Option<f32> {
+        self.bound
+    }
+
+    /// The same values in bricks, where they are held sparse.
+    pub fn bricks(&self) -> Option<&'a Bricks> {
+        (self.bricks)()
     }
 
     /// Identity of the values.

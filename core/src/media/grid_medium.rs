@@ -1,10 +1,10 @@
 //! Media made from grids: a density, and what scatters, absorbs and shines.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DAffine3;
 
-use super::{Grid, IndexBox, LARGEST, Lattice, Medium, MediumError, OpticsField, OpticsFields, in_range};
+use super::{Bricks, Grid, IndexBox, LARGEST, Lattice, Medium, MediumError, OpticsField, OpticsFields, in_range};
 use crate::Version;
 use crate::light::BlackBody;
 
@@ -14,15 +14,46 @@ use crate::light::BlackBody;
 pub struct GridMedium {
     lattice: Lattice,
     window: IndexBox,
-    density: Arc<Grid>,
-    absorption: Option<Arc<Grid>>,
+    density: Scalars,
+    absorption: Option<Scalars>,
     /// Of each channel.
     albedo: Option<[Arc<Grid>; 3]>,
-    emission: Option<Arc<Grid>>,
+    emission: Option<Scalars>,
     temperature: Option<Temperature>,
     version: Version,
     scattering_version: Version,
     emission_version: Version,
+}
+
+/// A grid of densities.
+#[derive(Clone, Debug)]
+struct Scalars {
+    grid: Arc<Grid>,
+    /// The largest value.
+    most: f32,
+    /// What it says in the medium's box, once that was asked for.
+    bricks: Arc<OnceLock<Option<Bricks>>>,
+}
+
+impl Scalars {
+    /// Refuses a grid that cannot be a density.
+    fn new(grid: Arc<Grid>) -> Result<Self, MediumError> {
+        let mut most = 0.0f32;
+        grid.check(|p, value| {
+            most = most.max(value);
+            if in_range(value) { Ok(()) } else { Err(MediumError::Density { value, x: p.x, y: p.y, z: p.z }) }
+        })?;
+        Ok(Self { grid, most, bricks: Arc::default() })
+    }
+
+    /// The same for another box.
+    fn anew(self) -> Self {
+        Self { bricks: Arc::default(), ..self }
+    }
+
+    fn bricks(&self, window: IndexBox) -> Option<&Bricks> {
+        self.bricks.get_or_init(|| Bricks::of(&self.grid, window)).as_ref()
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -41,12 +72,12 @@ impl GridMedium {
     /// A density that is negative, not finite or above [`LARGEST`]; grids whose indices do not share one map to the
     /// world; a lattice that [`Lattice::new`] refuses.
     pub fn new(density: Arc<Grid>, emission: Option<Arc<Grid>>) -> Result<Self, MediumError> {
-        check_density(&density)?;
-        let first = DAffine3::from_translation(density.bounds().min.as_dvec3());
+        let (bounds, to_world) = (density.bounds(), density.index_to_world());
+        let first = DAffine3::from_translation(bounds.min.as_dvec3());
         let medium = Self {
-            lattice: Lattice::new(density.bounds().dims, density.index_to_world() * first)?,
-            window: density.bounds(),
-            density,
+            density: Scalars::new(density)?,
+            lattice: Lattice::new(bounds.dims, to_world * first)?,
+            window: bounds,
             absorption: None,
             albedo: None,
             emission: None,
@@ -57,8 +88,8 @@ impl GridMedium {
         };
         let Some(emission) = emission else { return Ok(medium) };
         medium.share(&emission, "emission")?;
-        check_density(&emission)?;
-        Self { emission: Some(Arc::clone(&emission)), ..medium }.over(emission.bounds())
+        let bounds = emission.bounds();
+        Self { emission: Some(Scalars::new(emission)?), ..medium }.over(bounds)
     }
 
     /// The same with a density ρa of its own that absorbs and does not scatter: extinction follows ρ + ρa, scattering
@@ -68,8 +99,8 @@ impl GridMedium {
     /// As [`GridMedium::new`].
     pub fn with_absorption(self, absorption: Arc<Grid>) -> Result<Self, MediumError> {
         self.share(&absorption, "absorption")?;
-        check_density(&absorption)?;
-        Self { absorption: Some(Arc::clone(&absorption)), ..self }.over(absorption.bounds())
+        let bounds = absorption.bounds();
+        Self { absorption: Some(Scalars::new(absorption)?), ..self }.over(bounds)
     }
 
     /// The same with shares from 0 to 1 that multiply the albedo, one grid for each channel: what scatters is their
@@ -108,7 +139,7 @@ impl GridMedium {
 
     /// Refuses a grid on another lattice.
     fn share(&self, grid: &Grid, what: &str) -> Result<(), MediumError> {
-        if grid.index_to_world() == self.density.index_to_world() {
+        if grid.index_to_world() == self.density.grid.index_to_world() {
             return Ok(());
         }
         let what = format!("the grids of density and {what} must share one transform from index to world");
@@ -119,9 +150,10 @@ impl GridMedium {
     fn over(self, bounds: IndexBox) -> Result<Self, MediumError> {
         let window = self.window.union(bounds);
         let to_window = DAffine3::from_translation(window.min.as_dvec3());
-        let lattice = Lattice::new(window.dims, self.density.index_to_world() * to_window)?;
+        let lattice = Lattice::new(window.dims, self.density.grid.index_to_world() * to_window)?;
         let [version, scattering_version, emission_version] = [(); 3].map(|()| Version::fresh());
-        Ok(Self { lattice, window, version, scattering_version, emission_version, ..self })
+        let (density, emission) = (self.density.anew(), self.emission.map(Scalars::anew));
+        Ok(Self { lattice, window, density, emission, version, scattering_version, emission_version, ..self })
     }
 
     /// Slice `k` of a grid over the medium's box.
@@ -136,7 +168,7 @@ impl GridMedium {
     }
 
     fn scattering_slice(&self, k: u32, out: &mut [f32]) {
-        let density = self.read(&self.density, k);
+        let density = self.read(&self.density.grid, k);
         for (voxel, &rho) in out.chunks_exact_mut(4).zip(&density) {
             voxel.copy_from_slice(&[rho, rho, rho, 0.0]);
         }
@@ -150,12 +182,12 @@ impl GridMedium {
         }
     }
 
-    fn shining(&self) -> &Grid {
+    fn shining(&self) -> &Scalars {
         self.emission.as_ref().unwrap_or(&self.density)
     }
 
     fn glow_slice(&self, Temperature { grid, scale, body }: &Temperature, k: u32, out: &mut [f32]) {
-        let (shining, heat) = (self.read(self.shining(), k), self.read(grid, k));
+        let (shining, heat) = (self.read(&self.shining().grid, k), self.read(grid, k));
         for (voxel, (&rho, &value)) in out.chunks_exact_mut(4).zip(shining.iter().zip(&heat)) {
             voxel.fill(0.0);
             if rho > 0.0 {
@@ -165,15 +197,6 @@ impl GridMedium {
             }
         }
     }
-}
-
-/// Refuses a grid that cannot be a density.
-fn check_density(grid: &Grid) -> Result<(), MediumError> {
-    grid.check(
-        |p, value| {
-            if in_range(value) { Ok(()) } else { Err(MediumError::Density { value, x: p.x, y: p.y, z: p.z }) }
-        },
-    )
 }
 
 /// Refuses a grid whose values, times `scale`, are not from 0 to `most`.
@@ -195,11 +218,21 @@ impl Medium for GridMedium {
     }
 
     fn density_slice(&self, k: u32, out: &mut [f32]) {
-        self.write(&self.density, k, out);
+        self.write(&self.density.grid, k, out);
         if let Some(absorption) = &self.absorption {
-            let absorption = self.read(absorption, k);
+            let absorption = self.read(&absorption.grid, k);
             out.iter_mut().zip(&absorption).for_each(|(v, more)| *v = (*v + more).min(LARGEST));
         }
+    }
+
+    fn density_bound(&self) -> Option<f32> {
+        let more = self.absorption.as_ref().map_or(0.0, |absorption| absorption.most);
+        Some((self.density.most + more).min(LARGEST))
+    }
+
+    fn density_bricks(&self) -> Option<&Bricks> {
+        // The sum of two grids is laid out.
+        if self.absorption.is_some() { None } else { self.density.bricks(self.window) }
     }
 
     fn optics_fields(&self) -> OpticsFields<'_> {
@@ -209,8 +242,11 @@ impl Medium for GridMedium {
         OpticsFields {
             scattering: (!scatters_alike)
                 .then(|| OpticsField::new(self.scattering_version, |k, out| self.scattering_slice(k, out))),
-            emission: (!shines_alike)
-                .then(|| OpticsField::new(self.emission_version, |k, out| self.write(self.shining(), k, out))),
+            emission: (!shines_alike).then(|| {
+                let shining = self.shining();
+                OpticsField::new(self.emission_version, |k, out| self.write(&shining.grid, k, out))
+                    .held_as(shining.most, || shining.bricks(self.window))
+            }),
             emission_color: self.temperature.as_ref().map(|temperature| {
                 OpticsField::new(self.emission_version, move |k, out| self.glow_slice(temperature, k, out))
             }),

@@ -5,6 +5,7 @@
 //! medium has fields of their own for them ([`OpticsFields`]). Columns of ρ are scalars; colour enters at the exponential.
 
 mod bins;
+mod bricks;
 mod classified;
 mod fields;
 mod fog;
@@ -21,6 +22,7 @@ mod transfer_function;
 use std::fmt::Debug;
 
 pub use bins::Bins;
+pub use bricks::Bricks;
 pub use classified::Classified;
 pub use fields::{OpticsField, OpticsFields};
 pub use fog::HeightFog;
@@ -181,6 +183,17 @@ pub trait Medium: Debug + Send + Sync {
 
     /// Writes the densities of slice `k` (0 ≤ k < dims.z), x fastest; `out` holds dims.x · dims.y values.
     fn density_slice(&self, k: u32, out: &mut [f32]);
+
+    /// A bound that no density exceeds, where one is known without a walk over all voxels.
+    fn density_bound(&self) -> Option<f32> {
+        None
+    }
+
+    /// The density in bricks, the same values as [`Medium::density_slice`] writes, where the medium holds them sparse. They
+    /// are made when they are first asked for, and kept.
+    fn density_bricks(&self) -> Option<&Bricks> {
+        None
+    }
 
     /// How a device makes the density. What it makes agrees with [`Medium::density_slice`] to the rounding of f32 and
     /// what the source itself states.

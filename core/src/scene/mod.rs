@@ -27,7 +27,7 @@ pub use film::Film;
 pub use hierarchy::Hierarchy;
 pub use mesh::{Material, Mesh, MeshError, Triangle};
 pub use placement::{Placement, normal_map};
-pub use quality::{Jitter, Quality};
+pub use quality::{Jitter, Precision, Quality};
 pub use records::{Content, Elimination, ExtractSun, Interpolation, RecordBasis, Records, Solver};
 pub use shapes::Shape;
 pub use sun::{Extraction, Negative, Reason};

@@ -19,6 +19,20 @@ pub struct Quality {
     /// [`Scene::frame`](super::Scene::frame), adds to a plain mean; where something moved, the last ones are followed to
     /// where they are now, and forgotten the faster, the more changed.
     pub temporal: bool,
+    /// What the densities of grids are held in on the device.
+    pub density: Precision,
+}
+
+/// What numbers are held in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 32-bit floats.
+    #[default]
+    F32,
+    /// 16-bit floats ([`FieldFormat::Half`](crate::device::FieldFormat::Half)), rounded to 11 bits: half the memory. Only of
+    /// densities that the host writes and whose bound it knows ([`Medium::density_bound`]); what devices make themselves, and
+    /// colours, stay as they are.
+    F16,
 }
 
 /// Where the samples of a view ray lie within its steps.
@@ -34,7 +48,7 @@ pub enum Jitter {
 
 impl Default for Quality {
     fn default() -> Self {
-        Self { step: 1.0, steps: None, jitter: Jitter::None, scale: 1, temporal: false }
+        Self { step: 1.0, steps: None, jitter: Jitter::None, scale: 1, temporal: false, density: Precision::F32 }
     }
 }
 

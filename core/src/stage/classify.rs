@@ -18,7 +18,7 @@
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
 use crate::media::{ControlPoint, TransferFunction};
-use crate::stage::grid::is_scalar;
+use crate::stage::grid::is_plain;
 use crate::stage::{Kernel, require};
 
 kernel_struct! {
@@ -143,7 +143,7 @@ impl Kernel for Classify {
     fn validate(&self) -> Result<(), String> {
         let p = &self.params;
         require!(p.dims[3] <= classify_kind::SEEN, "kind {}", p.dims[3]);
-        require!(is_scalar(&self.values, p.dims), "values are {:?}, not a scalar field of {:?}", self.values, p.dims);
+        require!(is_plain(&self.values, p.dims), "values are {:?}, not a scalar field of {:?}", self.values, p.dims);
         // Kernels index what they write of a slice with 32 bits.
         let (slice, depth) = (self.slice(), u64::from(p.dims[2]));
         let fits = slice * 4 <= u32::MAX.into() && slice.div_ceil(Self::PACK.into()) * depth <= u32::MAX.into();
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn what_kernels_would_index_out_of_bounds_is_refused() {
-        let spec = FieldSpec { dims: [7, 5, 9], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([7, 5, 9], 1, FieldFormat::Scalar);
         let stage = Classify {
             params: ClassifyParams::new([7, 5, 9], classify_kind::SEEN, 3),
             values: Field { id: ResourceId(0), spec },

@@ -12,7 +12,7 @@ use crate::device::{Buf, Field, FieldFormat, FieldSpec, ResourceId};
 /// runs with. No device holds its handles and its parameters are zeros: it shows what kernels bind, so that a backend
 /// can check that its kernels build.
 pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
-    let field = |id, format| Field { id: ResourceId(id), spec: FieldSpec { dims: [3, 4, 5], layers: 1, format } };
+    let field = |id, format| Field { id: ResourceId(id), spec: FieldSpec::dense([3, 4, 5], 1, format) };
     let scalar = |id| field(id, FieldFormat::Scalar);
     fn buf<T>(id: u32) -> Buf<T> {
         Buf::new(ResourceId(id), 1)

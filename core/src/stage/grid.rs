@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::device::{Buf, Field, FieldFormat};
+use crate::device::{Buf, Field, FieldFormat, FieldSpec};
 use crate::media::{Lattice, Phase};
 use crate::stage::require;
 
@@ -46,9 +46,14 @@ pub(super) fn most_steps(dims: [u32; 4], index: [[f32; 4]; 3], longest: f32) -> 
     ((across / f64::from(longest)).ceil() as u64).saturating_add(2)
 }
 
-/// Whether `field` is a scalar field of one layer of `dims`.
+/// Whether `field` is a dense scalar field of one layer of `dims` in 32-bit floats.
+pub(super) fn is_plain(field: &Field, dims: [u32; 4]) -> bool {
+    field.spec == FieldSpec::dense([dims[0], dims[1], dims[2]], 1, FieldFormat::Scalar)
+}
+
+/// Whether `field` is a scalar field of one layer of `dims`, in whatever format and layout.
 pub(super) fn is_scalar(field: &Field, dims: [u32; 4]) -> bool {
-    field.spec.format == FieldFormat::Scalar && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
+    field.spec.format != FieldFormat::Rgba && field.spec.layers == 1 && field.spec.dims[..] == dims[..3]
 }
 
 /// Whether `field` is a field of colours in one layer of `dims`.

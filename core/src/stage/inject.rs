@@ -20,7 +20,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use crate::device::{Binding, Buf, Field, FieldFormat};
 use crate::kernel_struct;
 use crate::media::{Bins, FractalNoise, Gaussian, Gaussians, Lattice, Medium};
-use crate::stage::grid::is_scalar;
+use crate::stage::grid::is_plain;
 use crate::stage::{Kernel, require};
 
 kernel_struct! {
@@ -228,7 +228,7 @@ impl Kernel for Inject {
                 let most = FractalNoise::MAX_OCTAVES;
                 require!((1..=most).contains(&p.octaves), "{} octaves; 1 to {most}", p.octaves);
                 if kind == inject_kind::DETAIL {
-                    require!(self.base.is_some_and(|f| is_scalar(&f, p.dims)), "no base of {:?} samples", p.dims);
+                    require!(self.base.is_some_and(|f| is_plain(&f, p.dims)), "no base of {:?} samples", p.dims);
                 }
             }
             other => return Err(format!("kind {other}")),
@@ -322,10 +322,7 @@ mod tests {
         }
         let mut stage = gaussians();
         (stage.params.dims[3], stage.params.octaves) = (inject_kind::DETAIL, 16);
-        stage.base = Some(Field {
-            id: ResourceId(9),
-            spec: FieldSpec { dims: [20, 9, 17], layers: 1, format: FieldFormat::Scalar },
-        });
+        stage.base = Some(Field { id: ResourceId(9), spec: FieldSpec::dense([20, 9, 17], 1, FieldFormat::Scalar) });
         assert_eq!(stage.validate(), Ok(()));
         assert!(stage.passes(152).is_err() && stage.passes(153).is_ok());
     }

@@ -413,7 +413,7 @@ impl Kernel for March {
         require!(p.shadow <= shadow_kind::MEAN, "shadow kind {}", p.shadow);
         if p.lights > 0 && p.shadow >= shadow_kind::COLUMN {
             let [cells @ .., layers] = p.light_cells;
-            let spec = FieldSpec { dims: cells, layers, format: FieldFormat::Rgba };
+            let spec = FieldSpec::dense(cells, layers, FieldFormat::Rgba);
             let found = self.light_depth.map(|field| field.spec);
             require!(found == Some(spec), "depths of lights in {found:?} for {:?}", p.light_cells);
             require!(u64::from(layers) * 4 >= p.lights.into(), "{layers} layers of depths for {} lights", p.lights);
@@ -493,7 +493,7 @@ mod tests {
         (params.sample_end, params.step_end) = (samples, March::ALL_STEPS);
         params.step = 0.031;
         (params.lights, params.shadow) = (2, shadow_kind::MARCH);
-        let spec = FieldSpec { dims: [8, 6, 10], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([8, 6, 10], 1, FieldFormat::Scalar);
         March {
             params,
             density: Field { id: ResourceId(0), spec },
@@ -602,7 +602,7 @@ mod tests {
         let layered = |bands: u32| {
             let mut march = March { tables: Buf::new(ResourceId(2), 1000), ..march(1) };
             (march.params.bands, march.params.cells) = (bands, [2, 2, 2, bands * bands]);
-            let spec = FieldSpec { dims: [2, 2, 2], layers: bands * bands, format: FieldFormat::Rgba };
+            let spec = FieldSpec::dense([2, 2, 2], bands * bands, FieldFormat::Rgba);
             march.in_scatter = Some(Field { id: ResourceId(5), spec });
             march.validate()
         };

@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn a_resource_may_not_be_read_and_written() {
-        let spec = FieldSpec { dims: [1; 3], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([1; 3], 1, FieldFormat::Scalar);
         let density = Field { id: ResourceId(1), spec };
         let params = ReduceParams::new([1, 1, 1, 0], [1, 1, 1, 0], [1.0, 1.0, 1.0, 0.0]);
         let stage = |out| Stage::Reduce(Reduce { params, density, other: None, out: Buf::new(ResourceId(out), 1) });

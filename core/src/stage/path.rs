@@ -333,7 +333,7 @@ mod tests {
         params.dims = [9, 6, 10, 0];
         params.majorant_cells = [2, 1, 2, 8];
         (params.width, params.height, params.samples, params.turns, params.fresh) = (3, 2, 4, 1000, 1);
-        let spec = FieldSpec { dims: [9, 6, 10], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([9, 6, 10], 1, FieldFormat::Scalar);
         Path {
             params,
             density: Field { id: ResourceId(0), spec },

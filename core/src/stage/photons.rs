@@ -419,7 +419,7 @@ mod tests {
         params.majorant_cells = [2, 1, 2, 8];
         (params.rounds, params.lights, params.rows, params.deposit) = (3, 2, 60, deposit);
         (params.turns, params.densest, params.albedo, params.scale) = (100, 2.0, 0.5, 10.0);
-        let spec = FieldSpec { dims: [9, 6, 10], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([9, 6, 10], 1, FieldFormat::Scalar);
         Photons {
             params,
             density: Field { id: ResourceId(0), spec },

@@ -245,7 +245,7 @@ mod tests {
         params.index_z = [0.0, 0.0, 10.0, 0.0];
         (params.cells, params.cell) = ([2, 3, 1, 0], [5.0, 3.4, 5.0, 0.5]);
         (params.direction_end, params.coefficients, params.channels, params.weight_channels) = (200, 4, 1, 1);
-        let spec = FieldSpec { dims: [10, 10, 5], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([10, 10, 5], 1, FieldFormat::Scalar);
         Project {
             params,
             density: Field { id: ResourceId(0), spec },

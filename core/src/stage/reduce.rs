@@ -17,7 +17,7 @@
 //! Loops turn at the most once for each of a pass's rows and each of a row's voxels or probes, for the mean and for the
 //! maximum of each field.
 
-use crate::device::{Binding, Buf, Field, FieldFormat};
+use crate::device::{Binding, BrickLayout, Buf, Field, FieldFormat, Layout};
 use crate::kernel_struct;
 use crate::stage::grid::{is_density, is_scalar};
 use crate::stage::{Kernel, require};
@@ -95,6 +95,14 @@ impl Reduce {
         let fields = if self.other.is_some() { 3 } else { 2 };
         fields * (1 + self.most(0))
     }
+
+    /// How often loops turn at the most in every pass, to find out whether blocks are the same: along three axes, for the
+    /// mean and each maximum.
+    fn same(&self) -> u64 {
+        let bricks = |field: &Field| field.spec.layout != Layout::Dense;
+        let asked = bricks(&self.density) || self.other.as_ref().is_some_and(bricks);
+        if asked { 3 * 3 * u64::from(BrickLayout::SAME) } else { 0 }
+    }
 }
 
 impl Kernel for Reduce {
@@ -133,6 +141,7 @@ impl Kernel for Reduce {
 
     fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
         let (each, rows) = (self.turns(), self.rows());
+        let turns = turns.saturating_sub(self.same());
         let most = turns / each;
         require!(
             most > 0,
@@ -158,7 +167,7 @@ mod tests {
     use crate::device::{FieldSpec, ResourceId};
 
     fn reduce(probes: u32) -> Reduce {
-        let spec = FieldSpec { dims: [30, 20, 40], layers: 1, format: FieldFormat::Scalar };
+        let spec = FieldSpec::dense([30, 20, 40], 1, FieldFormat::Scalar);
         Reduce {
             params: ReduceParams::new([30, 20, 40, 0], [3, 2, 4, probes], [10.0, 10.0, 10.0, 0.5]),
             density: Field { id: ResourceId(0), spec },

@@ -3,8 +3,8 @@
 use airlight_core::basis::Window;
 use airlight_core::scene::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
-    LightsEstimate, Local, Material, Opacity, Orders, Path, Quality, RecordBasis, Records, ScatteringEstimate, Scheme,
-    Shadow, Solver, SurfaceShadow, Sweeps,
+    LightsEstimate, Local, Material, Opacity, Orders, Path, Precision, Quality, RecordBasis, Records,
+    ScatteringEstimate, Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 
 use super::error::Fault;
@@ -276,6 +276,8 @@ pub(super) fn quality(root: &Table<'_>) -> Result<Quality, Fault> {
         3 => Err(f.wrong("it must be 1, 2 or 4")),
         scale => Ok(scale),
     })?;
+    let precisions = [("f32", Some(Precision::F32)), ("f16", Some(Precision::F16))];
+    quality.density = table.or("density", quality.density, |f| f.choice(&precisions))?;
     quality.temporal = table.or("temporal", quality.temporal, |f| f.flag())?;
     Ok(quality)
 }

@@ -7,8 +7,8 @@ use airlight_core::light::Light;
 use airlight_core::media::{Grid, Phase};
 use airlight_core::scene::{
     AllEstimate, Content, Direct, Elimination, EnvironmentEstimate, Estimate, ExtractSun, Interpolation, Jitter,
-    LightsEstimate, Opacity, Orders, Path as Paths, Quality, RecordBasis, Records, ScatteringEstimate, Scheme, Shadow,
-    Solver, SurfaceShadow, Sweeps,
+    LightsEstimate, Opacity, Orders, Path as Paths, Precision, Quality, RecordBasis, Records, ScatteringEstimate,
+    Scheme, Shadow, Solver, SurfaceShadow, Sweeps,
 };
 use glam::{DAffine3, DQuat, DVec3, UVec3, Vec3};
 use proptest::prelude::*;
@@ -178,6 +178,8 @@ fn qualities_are_taken() {
     let quality = |text: &str| scene(&format!("[quality]\n{text}\n")).quality;
     let all = Quality { steps: Some(32), jitter: Jitter::BlueNoise, scale: 4, temporal: true, ..Quality::default() };
     assert_eq!(quality("steps = 32\njitter = \"blue-noise\"\nscale = 4\ntemporal = true"), all);
+    assert_eq!(quality("density = \"f16\"").density, Precision::F16);
+    assert_eq!(quality("density = \"f32\""), Quality::default());
     assert_eq!(quality("jitter = false\nscale = 2"), Quality { scale: 2, ..Quality::default() });
 }
 
