@@ -65,7 +65,8 @@ fn tables_of_papers_are_told_whole() {
     let rows = table["rows"].as_array().unwrap();
     assert_eq!(rows.len(), expected.rows.len());
     for (row, expected) in rows.iter().zip(&expected.rows) {
-        has(row, "at paper entries");
+        has(row, "at unit paper entries");
+        assert_eq!(row["unit"], "frames/s");
         for (axis, at) in expected_axes(&expected.at) {
             assert_eq!(row["at"][axis], at, "{row:#}");
         }
