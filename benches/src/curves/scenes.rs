@@ -82,7 +82,7 @@ impl Size {
         Curve {
             name: "voxels",
             title: "Voxels of a cube; the eye stays as far away, view steps are of a voxel.",
-            points: [32, 48, 64, 96, 128].map(|n| self.side(n)).map(|n| point(n, u64::from(n).pow(3))).into(),
+            points: [64, 96, 128, 192, 256].map(|n| self.side(n)).map(|n| point(n, u64::from(n).pow(3))).into(),
             series: vec![
                 series("upload", 1.0, "every voxel is written", move |side| {
                     moved(side, Part { uploads: true, stages: &[] })
@@ -163,7 +163,7 @@ impl Size {
                     stages(lamps(seen(opacity(cells)), lights), &["march"])
                 }),
                 series("direct, march", 1.0, "a march toward every light from every view sample", move |lights| {
-                    stages(lamps(seen(direct()), lights), &["march"])
+                    stages(lamps(self.scene(direct()), lights), &["march"])
                 }),
             ],
             threads: false,
@@ -171,9 +171,8 @@ impl Size {
     }
 
     fn gaussians(self) -> Curve {
-        let cells = self.side(64);
-        let scene = move |medium: Gaussians| {
-            // The cube of the Gaussians stands beside the eye's target, which does not matter.
+        let still = move |medium: Gaussians| {
+            // Their cube stands beside what the eye looks at, which does not matter.
             let blobs = medium.blobs().to_vec();
             Frames::new(self.seen(Arc::new(medium), 32, Estimate::none()), move |scene, number| {
                 let shift = DVec3::new(0.001 * f64::from(number % 16), 0.0, 0.0);
@@ -182,25 +181,27 @@ impl Size {
                 scene.medium = Arc::new(Gaussians::new(moved, lattice).expect("as good as before"));
             })
         };
-        let wide = move |count| {
-            let medium = gaussians(count, self.side(32));
-            let blobs = medium.blobs().iter().map(|blob| Gaussian { a: 2.0, c: 1.0 / f64::from(count), ..*blob });
-            medium.with(blobs.collect()).expect("as good as before")
+        let blobs = move |side: u32, cells, a: f64| {
+            let medium = gaussians(side.pow(3), cells);
+            let c = 1.0 / f64::from(side.pow(3));
+            medium.with(medium.blobs().iter().map(|blob| Gaussian { a, c, ..*blob }).collect()).expect("in range")
         };
+        // Reach ends within a few neighbours, which the smallest grid has too.
+        let narrow = move |side| still(blobs(side, self.side(8 * side), 3.0 * f64::from(side)));
         Curve {
             name: "gaussians",
-            title: "Gaussians in a cube of 64³ voxels, all of which move in every frame; as wide as they are apart unless said \
-                    otherwise.",
-            points: [8, 64, 216, 1000, 4096].map(|n| point(n, n.into())).into(),
+            title: "Gaussians on a jittered grid in a cube, all of which move in every frame; where it is not said otherwise, 8³ \
+                    voxels for each, a third as wide as they are apart.",
+            points: [4, 6, 8, 12, 16].map(|n: u32| point(n, u64::from(n).pow(3))).into(),
             series: vec![
-                series("inject", 0.0, "as many reach a voxel, however many there are", move |count| {
-                    stages(scene(gaussians(count, cells)), &["inject"])
+                series("inject", 1.0, "as many reach each voxel, of which there are more", move |side| {
+                    stages(narrow(side), &["inject"])
                 }),
-                series("inject, 32³ voxels, each over the whole cube", 1.0, "each reaches every voxel", move |count| {
-                    stages(scene(wide(count)), &["inject"])
+                series("inject, 32³ voxels, each over all", 1.0, "each reaches every voxel", move |side| {
+                    stages(still(blobs(side, self.side(32), 2.0)), &["inject"])
                 }),
-                series("a whole frame", 1.0, "the host lists each in the bricks that it reaches", move |count| {
-                    Work::Frames(scene(gaussians(count, cells)))
+                series("a whole frame", 1.0, "the host lists each in the bricks that it reaches", move |side| {
+                    Work::Frames(narrow(side))
                 }),
             ],
             threads: false,
@@ -231,10 +232,10 @@ impl Size {
                     let options = Precompute { orders: Orders::Count(1), solver: solver(None), clusters, components, ..whole };
                     made(functions, options, MakingPart::Compression)
                 }),
-                series("projection of a new light", 1.0, "a coefficient each", move |functions| {
+                series("projection of a new light", 0.0, "a ray of the picture meets three functions", move |functions| {
                     Work::Frames(turned(relit(functions)).part(Part { uploads: true, stages: &[] }))
                 }),
-                series("evaluate", 1.0, "a product each of every cluster", move |functions| {
+                series("evaluate", 1.0, "a product each in every cluster", move |functions| {
                     stages(turned(relit(functions)), &["evaluate"])
                 }),
             ],
