@@ -190,10 +190,7 @@ fn given_up(error: RenderError, what: &str, limit: Duration) -> Outcome {
 }
 
 /// What `run` makes, unless it is not done within `limit`.
-fn within<T>(
-    limit: Duration,
-    run: impl FnOnce(&mut Hooks<'_>) -> Result<T, RenderError>,
-) -> Result<T, RenderError> {
+fn within<T>(limit: Duration, run: impl FnOnce(&mut Hooks<'_>) -> Result<T, RenderError>) -> Result<T, RenderError> {
     if limit.is_zero() {
         return Err(ExecError::Cancelled.into());
     }

@@ -55,7 +55,9 @@ impl Medium for Volume {
 
     fn density_slice(&self, k: u32, out: &mut [f32]) {
         match &self.values {
-            Some(values) => out.copy_from_slice(&values.get_or_init(|| self.all())[k as usize * out.len()..][..out.len()]),
+            Some(values) => {
+                out.copy_from_slice(&values.get_or_init(|| self.all())[k as usize * out.len()..][..out.len()])
+            }
             None => fill_slice(self.lattice.dims(), k, out),
         }
     }

@@ -186,7 +186,11 @@ mod tests {
             assert!(curve.points.is_sorted_by(|a, b| a.at < b.at), "{}", curve.name);
             assert!(curve.threads || (4..=6).contains(&curve.points.len()), "{}", curve.name);
             for (n, series) in curve.series.iter().enumerate() {
-                assert!(curve.series[..n].iter().all(|other| other.name != series.name), "{} stands twice", series.name);
+                assert!(
+                    curve.series[..n].iter().all(|other| other.name != series.name),
+                    "{} stands twice",
+                    series.name
+                );
             }
         }
     }
@@ -203,11 +207,16 @@ mod tests {
                 }
                 let count = curve.series.len() * curve.points.len();
                 let mut told = 0;
-                measure(&curve, || Ok(airlight::open(&info.id())?), Duration::from_secs(600), |entry| {
-                    let Outcome::Measured { timing, .. } = &entry.outcome else { panic!("{entry:?}") };
-                    assert!(!timing.slowest.is_zero(), "nothing is timed: {entry:?}");
-                    told += 1;
-                });
+                measure(
+                    &curve,
+                    || Ok(airlight::open(&info.id())?),
+                    Duration::from_secs(600),
+                    |entry| {
+                        let Outcome::Measured { timing, .. } = &entry.outcome else { panic!("{entry:?}") };
+                        assert!(!timing.slowest.is_zero(), "nothing is timed: {entry:?}");
+                        told += 1;
+                    },
+                );
                 assert_eq!(told, count, "{}", curve.name);
             }
         }
@@ -222,8 +231,13 @@ mod tests {
         for outcome in outcomes {
             assert!(matches!(&outcome, Outcome::Skipped(why) if why.contains("more than 0 s")), "{outcome:?}");
         }
-        measure(&curve, || Err("it is gone".into()), steady::LIMIT, |entry| {
-            assert_eq!(entry.outcome, Outcome::Failed("it is gone".into()));
-        });
+        measure(
+            &curve,
+            || Err("it is gone".into()),
+            steady::LIMIT,
+            |entry| {
+                assert_eq!(entry.outcome, Outcome::Failed("it is gone".into()));
+            },
+        );
     }
 }

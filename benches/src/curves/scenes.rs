@@ -93,9 +93,12 @@ impl Size {
                 series("march", THIRD, "a ray has as many steps as voxels along it", move |side| {
                     stages(eye(still(side, 128, Estimate::none())), &["march"])
                 }),
-                series("path", THIRD, "flights depend on the medium alone; they cross majorants of 8³ voxels", move |side| {
-                    stages(eye(still(side, 64, paths())), &["path"])
-                }),
+                series(
+                    "path",
+                    THIRD,
+                    "flights depend on the medium alone; they cross majorants of 8³ voxels",
+                    move |side| stages(eye(still(side, 64, paths())), &["path"]),
+                ),
             ],
             threads: false,
         }
@@ -224,17 +227,24 @@ impl Size {
                 series("making by ordinates, 16³ cells", 1.0, "each is carried by itself", move |functions| {
                     made(functions, Precompute { solver: solver(None), ..whole }, MakingPart::Transport)
                 }),
-                series("making by photons, 16³ cells", 1.0, "ten photons a boundary cell and function", move |functions| {
-                    made(functions, whole, MakingPart::Transport)
-                }),
+                series(
+                    "making by photons, 16³ cells",
+                    1.0,
+                    "ten photons a boundary cell and function",
+                    move |functions| made(functions, whole, MakingPart::Transport),
+                ),
                 series("compression of 16³ cells", 1.0, "matrices are as wide", move |functions| {
                     let (clusters, components) = (Some(CLUSTERS.div_ceil(self.small)), COMPONENTS);
-                    let options = Precompute { orders: Orders::Count(1), solver: solver(None), clusters, components, ..whole };
+                    let options =
+                        Precompute { orders: Orders::Count(1), solver: solver(None), clusters, components, ..whole };
                     made(functions, options, MakingPart::Compression)
                 }),
-                series("projection of a new light", 0.0, "a ray of the picture meets three functions", move |functions| {
-                    Work::Frames(turned(relit(functions)).part(Part { uploads: true, stages: &[] }))
-                }),
+                series(
+                    "projection of a new light",
+                    0.0,
+                    "a ray of the picture meets three functions",
+                    move |functions| Work::Frames(turned(relit(functions)).part(Part { uploads: true, stages: &[] })),
+                ),
                 series("evaluate", 1.0, "a product each in every cluster", move |functions| {
                     stages(turned(relit(functions)), &["evaluate"])
                 }),
@@ -361,13 +371,7 @@ fn circle(count: u32, turn: f64) -> Vec<Light> {
 
 /// Records as published, of so many cells and directions.
 fn marched(cells: u32, directions: u32) -> Estimate {
-    records(Records {
-        cells,
-        directions,
-        content: Content::Transmittance,
-        solver: Solver::March,
-        ..Records::default()
-    })
+    records(Records { cells, directions, content: Content::Transmittance, solver: Solver::March, ..Records::default() })
 }
 
 /// Records by sweeps.

@@ -14,7 +14,8 @@ use crate::volume::{EYE, Volume};
 use crate::{Frame, scene_of};
 
 pub(super) const PAPER: &str = "Delalandre, Gautron and Marvie 2013";
-pub(super) const HARDWARE: &str = "NVIDIA GeForce GTX 580, Intel Xeon X5680 3.36 GHz; 9 coefficients, 1280 × 720 pixels";
+pub(super) const HARDWARE: &str =
+    "NVIDIA GeForce GTX 580, Intel Xeon X5680 3.36 GHz; 9 coefficients, 1280 × 720 pixels";
 
 /// What changes from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

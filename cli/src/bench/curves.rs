@@ -96,15 +96,14 @@ impl<'a> Measured<'a> {
     }
 
     /// The rows: a series on a device each, with its points.
-    fn rows(&self) -> impl Iterator<Item = (&Series, &'a DeviceInfo, Vec<&Entry>)> {
-        self.curve.series.iter().enumerate().flat_map(move |(n, series)| {
-            let of = move |entries: &'_ [Entry]| -> Vec<usize> {
-                (0..entries.len()).filter(|&at| entries[at].series == n).collect()
-            };
-            self.entries.iter().map(move |(info, entries)| {
-                (series, *info, of(entries).into_iter().map(|at| &entries[at]).collect())
-            })
-        })
+    fn rows(&self) -> Vec<(&Series, &'a DeviceInfo, Vec<&Entry>)> {
+        let mut rows = Vec::new();
+        for (n, series) in self.curve.series.iter().enumerate() {
+            for (info, entries) in &self.entries {
+                rows.push((series, *info, entries.iter().filter(|entry| entry.series == n).collect()));
+            }
+        }
+        rows
     }
 
     fn growth(&self, series: &Series, entries: &[&Entry]) -> Option<Growth> {
@@ -117,7 +116,8 @@ impl<'a> Measured<'a> {
 
     fn markdown(&self) -> Vec<String> {
         let curve = self.curve;
-        let mut lines = vec![String::new(), format!("## {}", curve.name), String::new(), curve.title.into(), String::new()];
+        let mut lines =
+            vec![String::new(), format!("## {}", curve.name), String::new(), curve.title.into(), String::new()];
         let mut heads: Vec<String> = vec!["time of".into(), "device".into()];
         heads.extend(curve.points.iter().map(|point| point.at.to_string()));
         heads.extend(["p", "expected", "since", ""].map(str::to_owned));
@@ -146,7 +146,7 @@ impl<'a> Measured<'a> {
     }
 
     fn report(&self) -> Value {
-        let rows = self.rows().map(|(series, info, entries)| {
+        let rows = self.rows().into_iter().map(|(series, info, entries)| {
             let points = entries.iter().map(|entry| {
                 let mut point = json!({
                     "at": self.curve.points[entry.point].at,

@@ -112,7 +112,10 @@ fn curves_are_told_whole() {
     for (series, expected_series) in series.iter().zip(&expected.series) {
         has(series, "name device expected why exponent faster points");
         assert_eq!((&series["name"], &series["device"]), (&expected_series.name.into(), &"cpu:0".into()));
-        assert_eq!((&series["expected"], &series["why"]), (&expected_series.expected.into(), &expected_series.why.into()));
+        assert_eq!(
+            (&series["expected"], &series["why"]),
+            (&expected_series.expected.into(), &expected_series.why.into())
+        );
         assert!(series["exponent"].is_null() && series["faster"].is_null(), "{series:#}");
         let points = series["points"].as_array().unwrap();
         assert_eq!(points.len(), expected.points.len());
