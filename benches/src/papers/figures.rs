@@ -32,7 +32,7 @@ pub(super) fn figure_1(small: u32) -> Table {
             work: Box::new(move |form| Work::Frames(frames(form))),
             stages: Box::new(|form| match form {
                 Form::Ours => vec!["coarsen", "sweep", "relight", "reduce", "march"],
-                Form::Published => vec!["project", "relight", "reduce", "march"],
+                Form::Published => vec!["reduce", "project", "relight", "reduce", "march"],
             }),
         }
     };
@@ -66,8 +66,8 @@ pub(super) fn figure_5(small: u32) -> Table {
             paper,
             work: Box::new(move |form| Work::Frames(frames(form))),
             stages: Box::new(move |_| match elimination {
-                Elimination::Exact => vec!["reduce", "project", "relight", "reduce", "march"],
-                _ => vec!["project", "relight", "reduce", "march"],
+                Elimination::None => vec!["project", "relight", "reduce", "march"],
+                _ => vec!["reduce", "project", "relight", "reduce", "march"],
             }),
         }
     };
@@ -107,8 +107,8 @@ pub(super) fn figure_6(small: u32) -> Table {
         paper: Some(7.14),
         work: Box::new(move |form| Work::Frames(shining(form))),
         stages: Box::new(|form| match form {
-            Form::Ours => vec!["coarsen", "sweep", "relight", "reduce", "march"],
-            Form::Published => vec!["project", "relight", "reduce", "march"],
+            Form::Ours => vec!["coarsen", "sweep", "sweep", "relight", "reduce", "march"],
+            Form::Published => vec!["reduce", "project", "relight", "reduce", "march"],
         }),
     }];
     let production = Arc::new(Volume::new(UVec3::new(813, 460, 324) / small));
