@@ -126,7 +126,7 @@ impl Lit {
         let optics = Optics::grey(EXTINCTION, 0.9);
         let scene = lit(self.volume.clone(), optics, airlight::scene::Records::default(), self.small);
         let (width, height) = (800 / self.small, 600 / self.small);
-        Scene { camera: Camera { width, height, ..scene.camera.clone() }, ..scene }
+        Scene { camera: Camera { width, height, ..scene.camera }, ..scene }
     }
 
     fn options(&self, form: Form) -> Precompute {
