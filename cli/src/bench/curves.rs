@@ -42,7 +42,7 @@ pub(super) fn run(
     let mut faults = Vec::new();
     let mut all = Vec::new();
     if !json {
-        markdown::head("Cost curves", "--curves", "a point", limit, subjects)?;
+        markdown::head("Cost curves", "--curves", "the fastest of a few runs", ("a point", limit), subjects)?;
         output::line(&format!(
             "\n*p* is the exponent of t = c nᵖ, by least squares of logarithms over a row; *expected* is the algorithm's. \
              **Faster** is what exceeds that by more than {MARGIN}."
@@ -106,9 +106,10 @@ impl<'a> Measured<'a> {
         rows
     }
 
+    /// That of the fastest runs, which other work on the machine disturbs least.
     fn growth(&self, series: &Series, entries: &[&Entry]) -> Option<Growth> {
         let timed = entries.iter().filter_map(|entry| match &entry.outcome {
-            Outcome::Measured { timing, .. } => Some((self.curve.points[entry.point].at, timing.median.as_secs_f64())),
+            Outcome::Measured { timing, .. } => Some((self.curve.points[entry.point].at, timing.fastest.as_secs_f64())),
             _ => None,
         });
         Growth::of(&timed.collect::<Vec<_>>(), series.expected)
@@ -125,7 +126,7 @@ impl<'a> Measured<'a> {
         for (series, info, entries) in self.rows() {
             let mut cells = vec![series.name.to_owned(), info.id()];
             cells.extend(entries.iter().map(|entry| match &entry.outcome {
-                Outcome::Measured { timing, .. } => time(timing.median),
+                Outcome::Measured { timing, .. } => time(timing.fastest),
                 Outcome::Skipped(why) => format!("skipped ({})", note(why, &mut notes)),
                 Outcome::Failed(why) => format!("failed ({})", note(why, &mut notes)),
             }));

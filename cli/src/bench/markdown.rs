@@ -6,11 +6,18 @@ use airlight::device::DeviceInfo;
 
 use crate::{Done, output};
 
-/// Prints what a page is of: its title, the option that made it, and the devices.
-pub(super) fn head(title: &str, option: &str, what: &str, limit: Duration, subjects: &[DeviceInfo]) -> Done {
+/// Prints what a page is of: its title, the option that made it, what its times are, what of the page has how much
+/// time, and the devices.
+pub(super) fn head(
+    title: &str,
+    option: &str,
+    times: &str,
+    (what, limit): (&str, Duration),
+    subjects: &[DeviceInfo],
+) -> Done {
     output::line(&format!("# {title}\n"))?;
     output::line(&format!(
-        "By `airlight bench {option}`, version {}: medians of a few runs, in at most {} s {what}.\n",
+        "By `airlight bench {option}`, version {}: {times}, in at most {} s {what}.\n",
         env!("CARGO_PKG_VERSION"),
         limit.as_secs_f64()
     ))?;

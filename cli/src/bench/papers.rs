@@ -42,7 +42,8 @@ pub(super) fn run(
     let mut faults = Vec::new();
     let mut all = Vec::new();
     if !json {
-        markdown::head("Speed in the papers' tables", "--papers", "an entry", limit, subjects)?;
+        let title = "Speed in the papers' tables";
+        markdown::head(title, "--papers", "medians of a few frames", ("an entry", limit), subjects)?;
     }
     for table in tables {
         let entries = subjects.iter().map(|info| (info, measure(table, info, limit))).collect();
