@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use airlight::Renderer;
 use airlight::device::DeviceError;
-use airlight::exec::{ExecError, Hooks, RenderError, Rendered};
+use airlight::exec::{ExecError, Hooks, Progress, RenderError, Rendered};
 use airlight::scene::{Precompute, Scene};
 use airlight::transfer::TransferError;
 
@@ -162,7 +162,7 @@ fn make(renderer: &mut Renderer, making: &Making, name: &str, limit: Duration) -
     let mut runs = Vec::new();
     let mut total = Duration::ZERO;
     while runs.len() < MOST && total < ENOUGH {
-        match within(limit.saturating_sub(begin.elapsed()), |hooks| renderer.precompute(scene, options, hooks)) {
+        match foreseen(limit.saturating_sub(begin.elapsed()), |hooks| renderer.precompute(scene, options, hooks)) {
             Ok(made) => {
                 total += made.transport + made.compression;
                 runs.push(match timed {
@@ -191,11 +191,46 @@ fn given_up(error: RenderError, what: &str, limit: Duration) -> Outcome {
 
 /// What `run` makes, unless it is not done within `limit`.
 fn within<T>(limit: Duration, run: impl FnOnce(&mut Hooks<'_>) -> Result<T, RenderError>) -> Result<T, RenderError> {
+    let begin = Instant::now();
+    unless(|_| begin.elapsed() >= limit, limit, run)
+}
+
+/// As [`within`], of what tells how far it has come: it ends as soon as it can be seen to take longer.
+fn foreseen<T>(limit: Duration, run: impl FnOnce(&mut Hooks<'_>) -> Result<T, RenderError>) -> Result<T, RenderError> {
+    let begin = Instant::now();
+    let mut stage = ("", begin);
+    let late = move |progress: Progress| {
+        if stage.0 != progress.stage {
+            stage = (progress.stage, Instant::now());
+        }
+        let (all, of_stage) = (begin.elapsed(), stage.1.elapsed());
+        all + left(of_stage, progress.done, limit) >= limit
+    };
+    unless(late, limit, run)
+}
+
+/// How long a stage goes on that has taken `elapsed` for a share of its work; 0 before it has taken long enough to tell.
+fn left(elapsed: Duration, done: f32, limit: Duration) -> Duration {
+    let telling = done > 0.0 && elapsed >= limit / 20;
+    let seconds = elapsed.as_secs_f64() * f64::from((1.0 - done) / done);
+    if telling { Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX / 2) } else { Duration::ZERO }
+}
+
+/// What `run` makes, unless it is too late before it is done.
+fn unless<T>(
+    mut late: impl FnMut(Progress) -> bool,
+    limit: Duration,
+    run: impl FnOnce(&mut Hooks<'_>) -> Result<T, RenderError>,
+) -> Result<T, RenderError> {
     if limit.is_zero() {
         return Err(ExecError::Cancelled.into());
     }
-    let (begin, cancel) = (Instant::now(), AtomicBool::new(false));
-    let mut watch = |_| cancel.store(begin.elapsed() >= limit, Ordering::Relaxed);
+    let cancel = AtomicBool::new(false);
+    let mut watch = |progress| {
+        if late(progress) {
+            cancel.store(true, Ordering::Relaxed);
+        }
+    };
     run(&mut Hooks { progress: Some(&mut watch), cancel: Some(&cancel) })
 }
 
@@ -207,5 +242,41 @@ fn is_too_large(error: &RenderError) -> bool {
         RenderError::Exec(ExecError::Memory { .. }) | RenderError::Transfer(TransferError::Memory { .. }) => true,
         RenderError::Exec(ExecError::Device { error, .. }) => device(error),
         _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_is_told_by_what_is_done() {
+        let seconds = Duration::from_secs;
+        assert_eq!(left(seconds(2), 0.25, seconds(10)), seconds(6));
+        assert_eq!(left(seconds(2), 1.0, seconds(10)), Duration::ZERO);
+        // Nothing is done yet, or it is too early to tell.
+        assert_eq!(left(seconds(9), 0.0, seconds(10)), Duration::ZERO);
+        assert_eq!(left(seconds(2), 0.01, seconds(100)), Duration::ZERO);
+    }
+
+    #[test]
+    fn what_will_be_late_is_ended() {
+        let ended = |step: u64, limit: u64| {
+            foreseen(Duration::from_millis(limit), |hooks| {
+                for done in 0..10 {
+                    std::thread::sleep(Duration::from_millis(step));
+                    let progress = hooks.progress.as_mut().expect("it is watched");
+                    progress(Progress { stage: "photons", done: done as f32 / 10.0 });
+                    if hooks.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+                        return Ok(done);
+                    }
+                }
+                Ok(10)
+            })
+            .unwrap()
+        };
+        // Ten tenths of 20 ms and more each: the first of them tell that 100 ms are not enough.
+        assert!(ended(20, 100) < 5);
+        assert_eq!(ended(0, 600_000), 10);
     }
 }

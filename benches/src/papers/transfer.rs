@@ -20,8 +20,10 @@ use crate::volume::Volume;
 
 /// Discrete spherical functions of the light.
 const FUNCTIONS: u32 = 642;
-/// Cells along the longest side.
-const CELLS: u32 = 64;
+/// Cells along the longest side of a transfer that is made,
+const MADE: u32 = 32;
+/// and of one that is lit.
+const LIT: u32 = 64;
 
 /// What is timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,10 +77,10 @@ pub(super) fn table_1(small: u32) -> Table {
         title: "precomputation, a new light, a frame",
         paper: "Zhang, Dong and Ma 2013",
         hardware: "NVIDIA GeForce GTX 460M, Intel Core i7 740QM 1.73 GHz; 642 functions, 128 clusters of 4 components",
-        ours: "Volumes of our own of as many voxels, grey and isotropic, albedo 0.9; 64 cells along the longest side, 642 \
-               functions, 10 photons for each cell of the box's faces and function, 128 clusters of a mean and 4 \
-               components. A new light and a frame do not depend on what is in a transfer: theirs has arbitrary numbers in \
-               every cell. A new light is its projection on the host, `evaluate` and `reconstruct`; a frame is of 800 × 600 \
+        ours: "Volumes of our own of as many voxels, grey and isotropic, albedo 0.9. A transfer is made of 32 cells along \
+               the longest side, where the paper has a matrix a voxel, with 10 photons for each cell of the box's faces and \
+               function. A new light and a frame do not depend on what is in a transfer: theirs has arbitrary numbers in \
+               every one of 64 cells along the longest side. A new light is its projection on the host, `evaluate` and `reconstruct`; a frame is of 800 × 600 \
                pixels (the paper's are not told), after the eye moved. *Ours* leaves light along the photons' tracks, \
                *published* around where they are absorbed, and the published light is blurred by a Gaussian.",
         figures: "Seconds of precomputation, milliseconds of the rest.",
@@ -100,7 +102,7 @@ impl Lit {
         if step == Step::Precompute {
             return Work::Making(Making { scene, options: self.options(form), timed: MakingPart::Whole });
         }
-        let made = || Arc::new(arbitrary(&scene, CELLS.div_ceil(self.small), FUNCTIONS));
+        let made = || Arc::new(arbitrary(&scene, LIT.div_ceil(self.small), FUNCTIONS));
         let transfer = self.transfer.get_or_init(made).clone();
         let (view, prefilter) = match form {
             Form::Ours => (ViewDependence::Cell, Prefilter::Energy),
@@ -137,7 +139,7 @@ impl Lit {
         };
         let count = Precompute::photons(basis);
         Precompute {
-            cells: CELLS.div_ceil(self.small),
+            cells: MADE.div_ceil(self.small),
             basis,
             solver: TransferSolver::Photons { count, deposit, radius: Photons::RADIUS },
             ..Precompute::default()
