@@ -2,11 +2,15 @@
 //! hold them to. `docs/benchmarks.md` says how to run and read them.
 
 mod baseline;
+pub mod curves;
 mod frames;
 mod ordinates;
 pub mod papers;
 pub mod quick;
 mod stages;
+pub mod steady;
+mod transfers;
+mod volume;
 
 pub use baseline::{Lookups, trilinear_sum};
 use frames::scene_of;

@@ -1,5 +1,7 @@
 //! `airlight bench`
 
+mod curves;
+mod markdown;
 mod papers;
 
 use std::time::Duration;
@@ -13,6 +15,7 @@ use crate::progress::Meter;
 use crate::{Done, devices, output};
 
 #[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("pages").args(["papers", "curves"]))]
 pub(crate) struct Options {
     /// auto, a backend (cpu), an index (cpu:0) or part of a device's name. May repeat; without it, every device that
     /// there is. Ratios are to the first.
@@ -22,9 +25,14 @@ pub(crate) struct Options {
     /// 001-table-3). Prints Markdown. Minutes a device.
     #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
     papers: Option<String>,
-    /// The most seconds that the frames of an entry of --papers may take, and a tenth of what preparing them may; what
-    /// would take longer is skipped, and said to be.
-    #[arg(long, value_name = "S", requires = "papers", default_value_t = airlight_benches::papers::LIMIT.as_secs_f64())]
+    /// Measure how time grows with voxels, cells, directions, lights, Gaussians, lights of a basis, pixels and threads
+    /// instead, with the exponent of each: all curves, or those whose name begins with CURVE. Prints Markdown. Minutes a
+    /// device.
+    #[arg(long, value_name = "CURVE", num_args = 0..=1, default_missing_value = "")]
+    curves: Option<String>,
+    /// The most seconds that the frames of an entry of --papers or of a point of --curves may take, and a tenth of what
+    /// preparing them or making a transfer may; what would take longer is skipped, and said to be.
+    #[arg(long, value_name = "S", requires = "pages", default_value_t = airlight_benches::steady::LIMIT.as_secs_f64())]
     time_limit: f64,
     /// Print JSON (see docs/json.md).
     #[arg(long)]
@@ -45,13 +53,17 @@ impl Measured {
 }
 
 pub(crate) fn run(options: &Options) -> Done {
-    let wanted = options.papers.as_deref().map(papers::tables).transpose()?;
+    let tables = options.papers.as_deref().map(papers::tables).transpose()?;
+    let curves = options.curves.as_deref().map(curves::curves).transpose()?;
     let limit = Duration::try_from_secs_f64(options.time_limit)
         .map_err(|_| Failure::input(format!("--time-limit {}: it must be a number of seconds", options.time_limit)))?;
     let mut absent = Vec::new();
     let subjects = devices::subjects(&options.device, &mut absent)?;
-    if let Some(tables) = wanted {
+    if let Some(tables) = tables {
         return papers::run(&tables, &subjects, &absent, limit, options.json);
+    }
+    if let Some(curves) = curves {
+        return curves::run(&curves, &subjects, &absent, limit, options.json);
     }
     let measured: Vec<_> = subjects.into_iter().map(measure).collect();
     if options.json {

@@ -4,18 +4,21 @@
 //! `docs/papers.md`. Every row is rendered in two forms, ours and the published one, with one thing moving from frame
 //! to frame, and every entry tells which stages a steady frame ran.
 
+mod figures;
 mod opacity;
 mod records;
+mod transfer;
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use airlight::Renderer;
-use airlight::device::{Device, DeviceError};
-use airlight::exec::{ExecError, Hooks, RenderError, Rendered};
-use airlight::scene::Scene;
+use airlight::device::Device;
 
-use crate::quick::{Fault, Timing};
+use crate::quick::Fault;
+use crate::steady::{self, Outcome, Work};
+
+/// What most tables count.
+const FRAMES: &str = "Frames a second.";
 
 /// A table of a paper.
 pub struct Table {
@@ -29,31 +32,66 @@ pub struct Table {
     pub hardware: &'static str,
     /// What is rendered here, and what differs from the paper.
     pub ours: &'static str,
+    /// What its figures are.
+    pub figures: &'static str,
     /// What rows differ in.
     pub axes: &'static [&'static str],
     /// The rows.
     pub rows: Vec<Row>,
 }
 
-/// A row: what is rendered, and the paper's figure.
+/// A row: what is timed, and the paper's figure.
 pub struct Row {
     /// Where it stands on the table's axes.
     pub at: Vec<String>,
-    /// Frames a second in the paper, where it has the row.
+    /// What its figures count.
+    pub unit: Unit,
+    /// The paper's figure, where it has the row.
     pub paper: Option<f64>,
-    frames: Box<dyn Fn(Form) -> Frames + Send + Sync>,
+    work: Box<dyn Fn(Form) -> Work + Send + Sync>,
     stages: Box<dyn Fn(Form) -> Vec<&'static str> + Send + Sync>,
 }
 
 impl Row {
-    /// The scene and what moves in it.
-    pub fn frames(&self, form: Form) -> Frames {
-        (self.frames)(form)
+    /// What is timed.
+    pub fn work(&self, form: Form) -> Work {
+        (self.work)(form)
     }
 
-    /// The stages that every frame but the first must run, and no others.
+    /// The stages that every frame but the first must run, and no others. None where a transfer is made.
     pub fn stages(&self, form: Form) -> Vec<&'static str> {
         (self.stages)(form)
+    }
+}
+
+/// What a figure counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Frames a second.
+    FramesPerSecond,
+    /// Seconds.
+    Seconds,
+    /// Thousandths of a second.
+    Milliseconds,
+}
+
+impl Unit {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FramesPerSecond => "frames/s",
+            Self::Seconds => "s",
+            Self::Milliseconds => "ms",
+        }
+    }
+
+    /// The figure of what takes so long.
+    pub fn of(self, time: Duration) -> f64 {
+        match self {
+            Self::FramesPerSecond => 1.0 / time.as_secs_f64(),
+            Self::Seconds => time.as_secs_f64(),
+            Self::Milliseconds => 1e3 * time.as_secs_f64(),
+        }
     }
 }
 
@@ -79,29 +117,6 @@ impl Form {
     }
 }
 
-/// Makes of a scene the one of a frame.
-type Change = Box<dyn FnMut(&mut Scene, u32)>;
-
-/// A scene of which something changes from frame to frame.
-pub struct Frames {
-    /// The frame to render next.
-    pub scene: Scene,
-    change: Change,
-    number: u32,
-}
-
-impl Frames {
-    fn new(scene: Scene, change: impl FnMut(&mut Scene, u32) + 'static) -> Self {
-        Self { scene, change: Box::new(change), number: 0 }
-    }
-
-    /// Goes on to the next frame.
-    pub fn advance(&mut self) {
-        self.number += 1;
-        (self.change)(&mut self.scene, self.number);
-    }
-}
-
 /// A row in one form on a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
@@ -113,43 +128,26 @@ pub struct Entry {
     pub outcome: Outcome,
 }
 
-/// What came of an entry.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Outcome {
-    /// Steady frames were timed, the film's way back to the host included.
-    Measured {
-        /// How long a frame takes.
-        timing: Timing,
-        /// The stages that the last of them ran, in order.
-        stages: Vec<&'static str>,
-    },
-    /// It was left out, for this reason: it would take too long, or more memory than there is.
-    Skipped(String),
-    /// A fault of the device, which was opened anew for the next entry.
-    Failed(String),
-}
-
 /// All tables, in the papers' order.
 pub fn tables() -> Vec<Table> {
-    vec![records::table_1(records::VOXELS), opacity::table_2(), opacity::table_3()]
+    tables_of(1)
 }
 
-/// How long the frames of an entry may take together unless said otherwise.
-pub const LIMIT: Duration = Duration::from_secs(5);
-
-/// How many times as long the frame before them may take, which prepares: a frame that is given up leaves nothing, and
-/// the next entry would upload the same volume again.
-pub const PREPARING: u32 = 10;
-
-/// Frames are repeated until they have taken this long together,
-const ENOUGH: Duration = Duration::from_millis(300);
-/// but at least so often,
-const FEWEST: usize = 3;
-/// and at most this often.
-const MOST: usize = 9;
+/// All tables, with volumes, pictures and transfers of the papers' sizes divided by `small`.
+fn tables_of(small: u32) -> Vec<Table> {
+    vec![
+        figures::figure_1(small),
+        figures::figure_5(small),
+        figures::figure_6(small),
+        records::table_1(small),
+        opacity::table_2(),
+        opacity::table_3(),
+        transfer::table_1(small),
+    ]
+}
 
 /// Measures every row of a table in both forms on a device that `open` opens, and gives each entry to `tell` as soon as
-/// it is there. A frame that takes longer than `limit`, or [`PREPARING`] times that for the first, is skipped.
+/// it is there. `limit` is as of [`steady::measure`]. After a fault the device is opened anew for the next entry.
 pub fn measure(
     table: &Table,
     open: impl Fn() -> Result<Box<dyn Device>, Fault>,
@@ -162,7 +160,7 @@ pub fn measure(
             let outcome = match renderer.take().map_or_else(|| open().map(Renderer::new), Ok) {
                 Ok(mut opened) => {
                     let name = format!("{}/{}/{}", table.name, content.at.join("/"), form.name());
-                    let outcome = steady(&mut opened, content.frames(form), &name, limit);
+                    let outcome = steady::measure(&mut opened, content.work(form), &name, limit);
                     if !matches!(outcome, Outcome::Failed(_)) {
                         renderer = Some(opened);
                     }
@@ -175,91 +173,28 @@ pub fn measure(
     }
 }
 
-/// Renders the first frame, which prepares, and times those after it.
-fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Duration) -> Outcome {
-    if let Err(error) = within(limit.saturating_mul(PREPARING), renderer, &frames.scene) {
-        return given_up(error, "preparing", limit.saturating_mul(PREPARING));
-    }
-    let begin = Instant::now();
-    let camera = &frames.scene.camera;
-    let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
-    let (mut runs, mut total, mut stages) = (Vec::new(), Duration::ZERO, Vec::new());
-    while runs.len() < MOST && (total < ENOUGH || runs.len() < FEWEST) {
-        frames.advance();
-        let start = Instant::now();
-        match within(limit.saturating_sub(begin.elapsed()), renderer, &frames.scene) {
-            Ok(rendered) => {
-                let time = start.elapsed();
-                runs.push(time);
-                total += time;
-                stages = rendered.report.ran();
-            }
-            Err(RenderError::Exec(ExecError::Cancelled)) if !runs.is_empty() => break,
-            Err(error) => return given_up(error, "a frame", limit),
-        }
-    }
-    Outcome::Measured { timing: Timing::new(name, runs, pixels), stages }
-}
-
-/// Why there is no figure.
-fn given_up(error: RenderError, what: &str, limit: Duration) -> Outcome {
-    match error {
-        RenderError::Exec(ExecError::Cancelled) => {
-            Outcome::Skipped(format!("{what} takes more than {} s", limit.as_secs_f64()))
-        }
-        error if is_too_large(&error) => Outcome::Skipped(error.to_string()),
-        error => Outcome::Failed(error.to_string()),
-    }
-}
-
-/// Renders a frame, unless it is not done within `limit`.
-fn within(limit: Duration, renderer: &mut Renderer, scene: &Scene) -> Result<Rendered, RenderError> {
-    if limit.is_zero() {
-        return Err(ExecError::Cancelled.into());
-    }
-    let (begin, cancel) = (Instant::now(), AtomicBool::new(false));
-    let mut watch = |_| cancel.store(begin.elapsed() >= limit, Ordering::Relaxed);
-    renderer.render_with(scene, &mut Hooks { progress: Some(&mut watch), cancel: Some(&cancel) })
-}
-
-/// Whether the device is well and merely too small.
-fn is_too_large(error: &RenderError) -> bool {
-    use DeviceError::{Limit, OutOfMemory};
-    let RenderError::Exec(error) = error else { return false };
-    let device = |error: &DeviceError| matches!(error, OutOfMemory { .. } | Limit { .. });
-    match error {
-        ExecError::Memory { .. } => true,
-        ExecError::Device { error, .. } => device(error),
-        _ => false,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// Rows that are quick to prepare, in small pictures.
     fn small() -> Vec<Table> {
-        let mut tables = vec![records::table_1(24), opacity::table_2(), opacity::table_3()];
+        let mut tables = tables_of(16);
         for table in &mut tables {
-            table.rows.retain(|row| row.at[0] != "100" && row.at[0] != "50" && row.at[0] != "64" && row.at[0] != "128");
+            table.rows.retain(|row| !["64", "128", "bonsai", "bone", "part"].contains(&row.at[0].as_str()));
         }
         tables
-    }
-
-    fn shrink(mut frames: Frames) -> Frames {
-        (frames.scene.camera.width, frames.scene.camera.height) = (24, 16);
-        frames
     }
 
     #[test]
     fn what_is_static_is_not_redone() {
         let mut renderer = Renderer::new(airlight::open("cpu").unwrap());
         for table in small() {
-            assert!(table.rows.len() >= 3, "{}", table.name);
+            assert!(table.rows.len() >= 2, "{}", table.name);
             for row in &table.rows {
                 for form in Form::ALL {
-                    let mut frames = shrink(row.frames(form));
+                    let Work::Frames(mut frames) = row.work(form) else { continue };
+                    (frames.scene.camera.width, frames.scene.camera.height) = (24, 16);
                     let first = renderer.render(&frames.scene).unwrap().film;
                     for _ in 0..2 {
                         frames.advance();
@@ -273,6 +208,20 @@ mod tests {
     }
 
     #[test]
+    fn transfers_are_made_in_both_forms() {
+        let cpu = || Ok(airlight::open("cpu")?);
+        let mut table = transfer::table_1(32);
+        table.rows.truncate(1);
+        measure(&table, cpu, Duration::from_secs(600), |entry| {
+            let Outcome::Measured { timing, stages } = entry.outcome else { panic!("{:?}", entry.outcome) };
+            assert!(!timing.median.is_zero() && stages.is_empty(), "{timing:?} {stages:?}");
+        });
+        measure(&table, cpu, Duration::ZERO, |entry| {
+            assert!(matches!(&entry.outcome, Outcome::Skipped(why) if why.contains("more than 0 s")), "{entry:?}");
+        });
+    }
+
+    #[test]
     fn tables_are_named_once_and_rows_stand_on_their_axes() {
         let tables = tables();
         for (n, table) in tables.iter().enumerate() {
@@ -281,7 +230,7 @@ mod tests {
                 assert_eq!(row.at.len(), table.axes.len(), "{} {:?}", table.name, row.at);
                 assert!(table.rows[..n].iter().all(|other| other.at != row.at), "{:?} stands twice", row.at);
             }
-            assert!(table.rows.iter().filter(|row| row.paper.is_some()).count() >= 4, "{}", table.name);
+            assert!(table.rows.iter().filter(|row| row.paper.is_some()).count() >= 2, "{}", table.name);
         }
     }
 
@@ -302,12 +251,12 @@ mod tests {
         };
         for outcome in measured(&cpu, Duration::from_secs(600)) {
             let Outcome::Measured { timing, stages } = outcome else { panic!("{outcome:?}") };
-            assert!(timing.runs >= FEWEST && stages.ends_with(&["march"]), "{timing:?} {stages:?}");
+            assert!(timing.runs >= steady::FEWEST && stages.ends_with(&["march"]), "{timing:?} {stages:?}");
         }
         for outcome in measured(&cpu, Duration::ZERO) {
             assert!(matches!(&outcome, Outcome::Skipped(why) if why.contains("more than 0 s")), "{outcome:?}");
         }
-        for outcome in measured(&|| Err("it is gone".into()), LIMIT) {
+        for outcome in measured(&|| Err("it is gone".into()), steady::LIMIT) {
             assert_eq!(outcome, Outcome::Failed("it is gone".into()));
         }
         let broken = || {
@@ -315,7 +264,7 @@ mod tests {
             let faulty = airlight::device::Faulty::new(airlight::open("cpu")?, "march", fault);
             Ok(Box::new(faulty) as Box<dyn Device>)
         };
-        for outcome in measured(&broken, LIMIT) {
+        for outcome in measured(&broken, steady::LIMIT) {
             assert!(matches!(&outcome, Outcome::Failed(why) if why.contains("on purpose")), "{outcome:?}");
         }
     }
@@ -324,8 +273,7 @@ mod tests {
     fn a_device_that_is_too_small_is_skipped_with_its_numbers() {
         let mut renderer = Renderer::new(airlight::open("cpu").unwrap());
         renderer.executor().set_budget(1 << 20);
-        let frames = one().rows[0].frames(Form::Ours);
-        let outcome = steady(&mut renderer, frames, "small", LIMIT);
+        let outcome = steady::measure(&mut renderer, one().rows[0].work(Form::Ours), "small", steady::LIMIT);
         assert!(matches!(&outcome, Outcome::Skipped(why) if why.contains("1.0 MiB")), "{outcome:?}");
     }
 }

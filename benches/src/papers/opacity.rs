@@ -8,7 +8,8 @@ use airlight::light::Light;
 use airlight::media::{Gaussian, Optics};
 use airlight::scene::{Camera, LightsEstimate, Opacity, Scene, Scheme};
 
-use super::{Form, Frames, Row, Table};
+use super::{FRAMES, Form, Row, Table, Unit};
+use crate::steady::{Frames, Work};
 use crate::{Frame, gaussians, scene_of};
 
 const PAPER: &str = "Giroud and Biri 2011";
@@ -83,6 +84,7 @@ pub(super) fn table_2() -> Table {
         ours: "A box of 1 m that fills the picture's height, not the paper's Cornell box: surfaces are left out. One Gaussian, \
                point lights within the box, as many cells for the density as for the propagation, view steps of a cell (the \
                paper's are not stated). *Ours* is short characteristics, *published* equation 6.",
+        figures: FRAMES,
         axes: &["cells a side", "lights", "static"],
         rows,
     }
@@ -115,6 +117,7 @@ pub(super) fn table_3() -> Table {
         hardware: HARDWARE,
         ours: "As 001-table-2, with one light. Gaussians as wide as they are apart, on a jittered grid that fills the box: \
                the sums get shorter as their number grows.",
+        figures: FRAMES,
         axes: &["cells a side", "Gaussians", "static"],
         rows,
     }
@@ -130,8 +133,13 @@ struct Setting {
 }
 
 fn row(at: Vec<String>, paper: Option<f64>, setting: Setting) -> Row {
-    let stages = move |form| setting.kept.stages(form);
-    Row { at, paper, frames: Box::new(move |form| setting.frames(form)), stages: Box::new(stages) }
+    Row {
+        at,
+        unit: Unit::FramesPerSecond,
+        paper,
+        work: Box::new(move |form| Work::Frames(setting.frames(form))),
+        stages: Box::new(move |form| setting.kept.stages(form)),
+    }
 }
 
 impl Setting {

@@ -3,10 +3,12 @@
 use std::time::Duration;
 
 use airlight::device::DeviceInfo;
-use airlight_benches::papers::{self, Entry, Form, Outcome, Table};
+use airlight_benches::papers::{self, Entry, Form, Table, Unit};
+use airlight_benches::steady::Outcome;
 use serde_json::{Value, json};
 
-use super::figures;
+use super::markdown::{aligned, note};
+use super::{figures, markdown};
 use crate::failure::Failure;
 use crate::progress::Meter;
 use crate::{devices, output};
@@ -40,15 +42,8 @@ pub(super) fn run(
     let mut faults = Vec::new();
     let mut all = Vec::new();
     if !json {
-        output::line("# Speed in the papers' tables\n")?;
-        let seconds = limit.as_secs_f64();
-        output::line(&format!(
-            "By `airlight bench --papers`, version {}: medians of a few frames, in at most {seconds} s an entry.\n",
-            env!("CARGO_PKG_VERSION")
-        ))?;
-        for info in subjects {
-            output::line(&format!("- `{}`: {}", info.id(), info.name))?;
-        }
+        let title = "Speed in the papers' tables";
+        markdown::head(title, "--papers", "medians of a few frames", ("an entry", limit), subjects)?;
     }
     for table in tables {
         let entries = subjects.iter().map(|info| (info, measure(table, info, limit))).collect();
@@ -110,7 +105,7 @@ impl Measured<'_> {
             String::new(),
             format!("## {}: {}", table.name, table.title),
             String::new(),
-            format!("Frames a second. *Paper*: {}; {}. {}", table.paper, table.hardware, table.ours),
+            format!("{} *Paper*: {}; {}. {}", table.figures, table.paper, table.hardware, table.ours),
             String::new(),
         ];
         let mut heads: Vec<String> = table.axes.iter().map(|&axis| axis.into()).collect();
@@ -122,19 +117,16 @@ impl Measured<'_> {
         let (mut rows, mut notes) = (vec![heads], Vec::new());
         for (n, row) in table.rows.iter().enumerate() {
             let mut cells = row.at.clone();
-            cells.push(row.paper.map_or("–".into(), |fps| fps.to_string()));
+            cells.push(row.paper.map_or("–".into(), |figure| figure.to_string()));
             for (_, entries) in entries {
                 let of = entries.iter().filter(|entry| entry.row == n);
-                cells.extend(of.map(|entry| cell(&entry.outcome, &mut notes)));
+                cells.extend(of.map(|entry| cell(&entry.outcome, row.unit, &mut notes)));
             }
             cells.extend(Form::ALL.map(|form| self.stages(n, form)));
             rows.push(cells);
         }
         lines.extend(aligned(&rows));
-        if !notes.is_empty() {
-            lines.push(String::new());
-            lines.extend(notes.iter().zip(1..).map(|(note, number)| format!("{number}. {note}")));
-        }
+        lines.extend(markdown::notes(&notes));
         lines
     }
 
@@ -142,7 +134,9 @@ impl Measured<'_> {
     fn stages(&self, row: usize, form: Form) -> String {
         let mut lists: Vec<String> = Vec::new();
         for (_, outcome) in self.outcomes(row, form) {
-            if let Outcome::Measured { stages, .. } = outcome {
+            if let Outcome::Measured { stages, .. } = outcome
+                && !stages.is_empty()
+            {
                 lists.push(stages.join(", "));
             }
         }
@@ -151,7 +145,7 @@ impl Measured<'_> {
     }
 
     fn report(&self) -> Value {
-        let entry = |info: &DeviceInfo, form: Form, outcome: &Outcome| {
+        let entry = |unit: Unit, info: &DeviceInfo, form: Form, outcome: &Outcome| {
             let mut entry = json!({
                 "device": info.id(),
                 "form": form.name(),
@@ -166,12 +160,13 @@ impl Measured<'_> {
             });
             match outcome {
                 Outcome::Measured { timing, stages } => {
-                    let seconds = timing.median.as_secs_f64();
-                    entry["seconds"] = json!(seconds);
+                    entry["seconds"] = json!(timing.median.as_secs_f64());
+                    if unit == Unit::FramesPerSecond {
+                        entry["frames_per_second"] = output::number(unit.of(timing.median));
+                    }
                     entry["fastest"] = json!(timing.fastest.as_secs_f64());
                     entry["slowest"] = json!(timing.slowest.as_secs_f64());
                     entry["runs"] = json!(timing.runs);
-                    entry["frames_per_second"] = output::number(1.0 / seconds);
                     entry["stages"] = json!(stages);
                 }
                 Outcome::Skipped(why) => entry["skipped"] = json!(why),
@@ -183,9 +178,9 @@ impl Measured<'_> {
             let at: serde_json::Map<_, _> =
                 self.table.axes.iter().zip(&row.at).map(|(&axis, at)| (axis.into(), json!(at))).collect();
             let entries = Form::ALL.into_iter().flat_map(|form| {
-                self.outcomes(n, form).map(|(info, outcome)| entry(info, form, outcome)).collect::<Vec<_>>()
+                self.outcomes(n, form).map(|(info, outcome)| entry(row.unit, info, form, outcome)).collect::<Vec<_>>()
             });
-            json!({ "at": at, "paper": row.paper, "entries": entries.collect::<Vec<_>>() })
+            json!({ "at": at, "unit": row.unit.name(), "paper": row.paper, "entries": entries.collect::<Vec<_>>() })
         };
         json!({
             "name": self.table.name,
@@ -199,32 +194,12 @@ impl Measured<'_> {
 }
 
 /// A figure, or the number of the note that says why there is none.
-fn cell(outcome: &Outcome, notes: &mut Vec<String>) -> String {
-    let (what, why) = match outcome {
-        Outcome::Measured { timing, .. } => return figures(1.0 / timing.median.as_secs_f64()),
-        Outcome::Skipped(why) => ("skipped", why),
-        Outcome::Failed(why) => ("failed", why),
-    };
-    let place = notes.iter().position(|note| note == why).unwrap_or_else(|| {
-        notes.push(why.clone());
-        notes.len() - 1
-    });
-    format!("{what} ({})", place + 1)
-}
-
-/// A Markdown table whose first row is its head, with columns of one width each.
-fn aligned(rows: &[Vec<String>]) -> Vec<String> {
-    let columns = rows.first().map_or(0, Vec::len);
-    let width = |n: usize| rows.iter().map(|row| row[n].chars().count()).max().unwrap_or(0);
-    let widths: Vec<_> = (0..columns).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells: Vec<_> = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:<width$}")).collect();
-        format!("| {} |", cells.join(" | "))
-    };
-    let rule = format!("| {} |", widths.iter().map(|&width| "-".repeat(width.max(3))).collect::<Vec<_>>().join(" | "));
-    let mut lines: Vec<_> = rows.iter().map(line).collect();
-    lines.insert(1.min(lines.len()), rule);
-    lines
+fn cell(outcome: &Outcome, unit: Unit, notes: &mut Vec<String>) -> String {
+    match outcome {
+        Outcome::Measured { timing, .. } => figures(unit.of(timing.median)),
+        Outcome::Skipped(why) => format!("skipped ({})", note(why, notes)),
+        Outcome::Failed(why) => format!("failed ({})", note(why, notes)),
+    }
 }
 
 #[cfg(test)]
@@ -234,18 +209,11 @@ mod tests {
     #[test]
     fn a_reason_is_told_once() {
         let mut notes = Vec::new();
-        let slow = Outcome::Skipped("too slow".into());
-        assert_eq!(cell(&slow, &mut notes), "skipped (1)");
-        assert_eq!(cell(&Outcome::Failed("gone".into()), &mut notes), "failed (2)");
-        assert_eq!(cell(&slow, &mut notes), "skipped (1)");
+        let mut told = |outcome| cell(&outcome, Unit::Seconds, &mut notes);
+        assert_eq!(told(Outcome::Skipped("too slow".into())), "skipped (1)");
+        assert_eq!(told(Outcome::Failed("gone".into())), "failed (2)");
+        assert_eq!(told(Outcome::Skipped("too slow".into())), "skipped (1)");
         assert_eq!(notes, ["too slow", "gone"]);
-    }
-
-    #[test]
-    fn columns_have_one_width() {
-        let row = |cells: [&str; 2]| cells.map(str::to_owned).to_vec();
-        let lines = aligned(&[row(["static", "a"]), row(["–", "bcde"])]);
-        assert_eq!(lines, ["| static | a    |", "| ------ | ---- |", "| –      | bcde |"]);
     }
 
     #[test]

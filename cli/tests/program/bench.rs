@@ -1,6 +1,6 @@
 //! `bench`: what it says of which device. No time is asserted.
 
-use airlight_benches::{papers, quick};
+use airlight_benches::{curves, papers, quick};
 use serde_json::Value;
 
 use crate::workbench::Workbench;
@@ -65,7 +65,8 @@ fn tables_of_papers_are_told_whole() {
     let rows = table["rows"].as_array().unwrap();
     assert_eq!(rows.len(), expected.rows.len());
     for (row, expected) in rows.iter().zip(&expected.rows) {
-        has(row, "at paper entries");
+        has(row, "at unit paper entries");
+        assert_eq!(row["unit"], "frames/s");
         for (axis, at) in expected_axes(&expected.at) {
             assert_eq!(row["at"][axis], at, "{row:#}");
         }
@@ -94,12 +95,53 @@ fn expected_axes(at: &[String]) -> impl Iterator<Item = (&'static str, &str)> {
 }
 
 #[test]
+fn curves_are_told_whole() {
+    let bench = Workbench::new();
+    // No time at all: every point is skipped, and none is left out.
+    let arguments = ["bench", "--device", "cpu", "--curves", "lights", "--time-limit", "0"];
+    let told = bench.json([&arguments[..], &["--json"]].concat());
+    has(&told, "version devices margin curves absent");
+    has(&told["devices"][0], DEVICE);
+    assert_eq!(told["margin"], curves::MARGIN);
+    let [curve] = told["curves"].as_array().unwrap().as_slice() else { panic!("{told:#}") };
+    has(curve, "name title series");
+    let expected = curves::curves().into_iter().find(|curve| curve.name == "lights").unwrap();
+    assert_eq!((&curve["name"], &curve["title"]), (&expected.name.into(), &expected.title.into()));
+    let series = curve["series"].as_array().unwrap();
+    assert_eq!(series.len(), expected.series.len());
+    for (series, expected_series) in series.iter().zip(&expected.series) {
+        has(series, "name device expected why exponent faster points");
+        assert_eq!((&series["name"], &series["device"]), (&expected_series.name.into(), &"cpu:0".into()));
+        assert_eq!(
+            (&series["expected"], &series["why"]),
+            (&expected_series.expected.into(), &expected_series.why.into())
+        );
+        assert!(series["exponent"].is_null() && series["faster"].is_null(), "{series:#}");
+        let points = series["points"].as_array().unwrap();
+        assert_eq!(points.len(), expected.points.len());
+        for (point, expected) in points.iter().zip(&expected.points) {
+            has(point, "at seconds fastest slowest runs skipped fault");
+            assert_eq!((&point["at"], &point["runs"]), (&expected.at.into(), &0.into()));
+            assert!(point["skipped"].as_str().unwrap().contains("more than 0 s"), "{point:#}");
+            assert!(["seconds", "fastest", "slowest", "fault"].iter().all(|key| point[key].is_null()), "{point:#}");
+        }
+    }
+    // As Markdown: a row a series, and a note that stands once.
+    let text = bench.end(bench.command(arguments));
+    assert_eq!(text.code, Some(0), "{text:?}");
+    assert_eq!(text.stdout.matches("| cpu:0 ").count(), expected.series.len(), "{text:?}");
+    assert_eq!(text.stdout.matches("more than 0 s").count(), 1, "{text:?}");
+}
+
+#[test]
 fn what_cannot_be_measured_is_refused() {
     let bench = Workbench::new();
     bench.refused(["bench", "--device", "no such device"], 2, &["no device \"no such device\"", "cpu:0"]);
     bench.refused(["bench", "--device", ""], 2, &["no device \"\""]);
     bench.refused(["bench", "--device", "cpu:99"], 2, &["cpu:99"]);
     bench.refused(["bench", "--papers", "002"], 2, &["no such table", "001-table-2"]);
+    bench.refused(["bench", "--curves", "time"], 2, &["no such curve", "basis-lights"]);
+    bench.refused(["bench", "--curves", "cells", "--papers", "001"], 2, &["--papers", "cannot be used with"]);
     bench.refused(["bench", "--time-limit", "3"], 2, &["--papers"]);
     for limit in ["-1", "NaN", "1e300"] {
         let limit = format!("--time-limit={limit}");
