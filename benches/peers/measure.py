@@ -41,7 +41,7 @@ class Row:
     # Of the whole picture; what of it is not rendering; a frame after the first.
     cpu: float
     wall: float
-    start: float
+    start: float | None
     frame: float | None = None
     extrapolated: bool = False
 

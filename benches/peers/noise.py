@@ -20,10 +20,12 @@ class Run:
     cost: Cost
 
 
-def extrapolate(program: str, settings: str, runs: list[Run], truth: np.ndarray, start: float = 0.0) -> list[Row]:
+def extrapolate(
+    program: str, settings: str, runs: list[Run], truth: np.ndarray, start: float | None = None
+) -> list[Row]:
     """A row for each run, and one for `GOAL`, by N^-1/2 from the last.
 
-    The exponent between the first and the last run is told, so that a reader sees how far N^-1/2 holds. The cost of a sample is
+    The exponent between the first and the last run is told, so that a reader sees how far N^-1/2 holds. A sample costs
     what the last run took more than the first, so that nothing that is paid once is multiplied.
     """
     found = [
@@ -35,10 +37,9 @@ def extrapolate(program: str, settings: str, runs: list[Run], truth: np.ndarray,
     exponent = math.log(errors[1] / errors[0]) / math.log(last.samples / first.samples)
     samples = last.samples * (errors[1] / GOAL) ** 2
     share = (samples - last.samples) / (last.samples - first.samples)
-    cost = Cost(*(b + (b - a) * share for a, b in ((first.cost.cpu, last.cost.cpu), (first.cost.wall, last.cost.wall))))
+    cpu = last.cost.cpu + (last.cost.cpu - first.cost.cpu) * share
+    wall = last.cost.wall + (last.cost.wall - first.cost.wall) * share
     blocks = found[-1].blocks * GOAL / errors[1]
     text = f"{settings}, extrapolated to {samples:.0f} spp; measured exponent {exponent:.3f}"
-    found.append(
-        Row(program, text, GOAL, GOAL, blocks, 1.0, cost.cpu, cost.wall, start, extrapolated=True)
-    )
+    found.append(Row(program, text, GOAL, GOAL, blocks, 1.0, cpu, wall, start, extrapolated=True))
     return found

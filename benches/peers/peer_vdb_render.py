@@ -1,6 +1,7 @@
 """OpenVDB's vdb_render: a march with a march toward the light from every sample."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 
@@ -11,9 +12,12 @@ from scene import Scene
 LADDER = [(1, 3), (1, 1), (0.5, 0.5), (0.25, 0.25)]
 
 
-def command(scene: Scene, size: int, step: float, shadow: float, output) -> list:
-    """Its coefficients are per voxel, `gain` 0 leaves out its imitation of further orders, and its light is E p in every direction."""
-    vector = lambda v: ",".join(f"{x:.9g}" for x in v)
+def vector(values: list[float]) -> str:
+    return ",".join(f"{x:.9g}" for x in values)
+
+
+def command(scene: Scene, size: int, step: float, shadow: float, output: Path) -> list:
+    """Coefficients are per voxel, a light's color is E p, and `gain` 0 leaves out what imitates further orders."""
     column = scene.extinction * scene.voxel
     light = scene.irradiance / (4 * np.pi)
     return [
@@ -37,6 +41,6 @@ def rows(scene: Scene, truth: np.ndarray, no_vdb: str | None, quick: bool) -> li
         cost, _ = best(1 if step < 0.5 else 3, command(scene, scene.size, step, shadow, picture))
         start, _ = process(command(scene, 1, step, shadow, scene.folder / "start.exr"))
         settings = f"-step {step:g} -shadowstep {shadow:g}"
-        costs = dict(cpu=cost.cpu, wall=cost.wall, start=start.cpu)
+        costs = {"cpu": cost.cpu, "wall": cost.wall, "start": start.cpu}
         found.append(row("vdb_render", settings, read_exr(picture), truth, **costs))
     return found

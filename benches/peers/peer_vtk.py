@@ -4,6 +4,7 @@ As a program it renders in a process of its own: peer_vtk.py FOLDER STEP..., JSO
 """
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -103,17 +104,19 @@ def work(folder: Path, steps: list[float]) -> None:
 
     # Compiles the shaders.
     frame(1)
-    driver = [line for line in target.ReportCapabilities().splitlines() if "renderer string" in line]
-    told = {"start": own().cpu, "version": vtk.vtkVersion().GetVTKVersion(), "driver": driver[0].split(":")[1].strip(), "runs": []}
+    start = own().cpu
+    driver = re.search(r"renderer string: *([^(\n]*)", target.ReportCapabilities())
+    runs = []
     for step in steps:
         mapper.SetSampleDistance(step * scene.voxel)
         costs = [frame(1 + k) for k in range(FRAMES)]
         costs.append(frame(0))
         picture = vtk_to_numpy(pixels).reshape(scene.size, scene.size, 4)[::-1, :, 0]
         np.save(folder / f"vtk-{step:g}.npy", picture)
-        told["runs"].append([step, min(c.cpu for c in costs), min(c.wall for c in costs)])
+        runs.append([step, min(c.cpu for c in costs), min(c.wall for c in costs)])
     # Warnings of missing displays went elsewhere.
-    print(json.dumps(told))
+    version = vtk.vtkVersion().GetVTKVersion()
+    print(json.dumps({"start": start, "version": version, "driver": driver[1].strip(), "runs": runs}))
 
 
 def rows(scene: Scene, truth: np.ndarray, reason: str | None, quick: bool) -> list[Row | Absent]:
@@ -128,8 +131,8 @@ def rows(scene: Scene, truth: np.ndarray, reason: str | None, quick: bool) -> li
     for step, cpu, wall in told["runs"]:
         # Light of 1 on a white medium: the phase function, the irradiance and the albedo come after.
         picture = np.load(scene.folder / f"vtk-{step:g}.npy") * (scene.albedo * scene.irradiance / (4 * np.pi))
-        program = f"VTK {told['version']}, {told['driver'].split('(')[0].strip()}"
-        costs = dict(cpu=cpu, wall=wall, start=told["start"], frame=wall)
+        program = f"VTK {told['version']}, {told['driver']}"
+        costs = {"cpu": cpu, "wall": wall, "start": told["start"], "frame": wall}
         found.append(row(program, f"sample distance {step:g}", picture, truth, **costs))
     return found
 

@@ -22,7 +22,7 @@ from measure import process, read_exr, relative
 from scene import HERE, Scene, read, write
 
 # Sub-pixel positions of the truth, and of a coarser one that tells how good it is.
-TRUTH, COARSER = 16, 4
+TRUTH, COARSER = 4, 1
 # Samples a pixel of pictures with noise.
 COUNTS = [8, 32, 128]
 
@@ -73,7 +73,8 @@ def main() -> None:
     rows += peer_vtk.rows(scene, held, reason(given.folder, "vtk"), given.quick)
     rows += peer_mitsuba.rows(scene, held, counts, reason(given.folder, "mitsuba"))
 
-    commit = subprocess.run(["git", "-C", HERE, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
+    describe = ["git", "-C", HERE, "describe", "--always", "--dirty"]
+    commit = subprocess.run(describe, capture_output=True, text=True, check=False)
     about = report.About(
         machine=machine(),
         date=datetime.date.today().isoformat(),

@@ -1,11 +1,14 @@
 """The table and the ratios, as Markdown."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from measure import Absent, Row
 
 # The error at or under which settings are compared.
 GOAL = 0.01
+# What a peer is to take more than airlight: Mitsuba at 2 %, vdb_render and VTK at or under `GOAL`.
+MITSUBA, VDB_RENDER, VTK = 1000, 20, 50
 
 
 @dataclass
@@ -23,85 +26,101 @@ class About:
 
 INTRODUCTION = """# Peers side by side
 
-Written by `benches/peers/run --write` on {date}, at {commit}; its [README](../benches/peers/README.md) says what is compared
-and how fairly. One cloud of 96³ voxels (depth 6 along an axis, albedo 0.9, isotropic), one directional light, single
-scattering, 256 × 256 pixels.
+Written by `benches/peers/run --write` on {date}, at {commit}; what is compared, and how fairly, stands in the
+[README](../benches/peers/README.md) there. One cloud of 96³ voxels (depth 6 along an axis, albedo 0.9, isotropic), one
+directional light, single scattering, 256 × 256 pixels.
 
 - **Machine**: {machine}. Load average before: {load:.1f}.
-- **Truth**: brute force in f64 with {truth} positions a pixel; with {coarser} it differs by {coarser_error:.3%}.
-- **Error**: relative L2 of linear radiance over the picture; *fitted*, after one factor for the whole picture, which stands
-  beside it; *blocks*, of means of 8 × 8 pixels, where noise fades and bias stays.
-- **CPU s**: user and system. Of airlight and vdb_render the whole process, reading and writing files included, least of
-  {repeats}; *start* is the part that a picture of one pixel takes as well. Of Mitsuba and VTK the call that renders alone,
-  with everything compiled; *start* is what came before, loading and compiling.
+- **Truth**: brute force in f64 with {truth} positions a pixel. With {coarser}, its center, it differs by
+  {coarser_error:.2%}: most programs send one ray through it.
+- **Error**: relative L2 of linear radiance over the picture; *fitted*, after one factor for the whole picture, which
+  stands beside it; *blocks*, of means of 8 × 8 pixels, where noise fades and bias stays.
+- **CPU s**: user and system. Of airlight and vdb_render the whole process, with reading and writing of files, least of
+  several; *start* is what a picture of one pixel takes, cells of shadow included. Of Mitsuba and VTK the call that
+  renders alone, with everything compiled; *start* is what came before, loading and compiling.
 - **Wall s**: the clock beside it. **Frame s**: one more frame with the light elsewhere, by the clock, least of several.
+
+"""
+HEADER = """| program | settings | error | fitted | factor | blocks | CPU s | start | wall s | frame s |
+| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |
+"""
+NOTE = """
+*Rows in italics* were not rendered: noise falls as N^-1/2, and the exponent that was measured stands with them.
+
+## Ratios
+
+"""
+RATIOS = """airlight at or under {goal:.0%}: whole picture {cpu} CPU s ({whole}); steady frame {frame} s ({steady}).
+Of a peer, *cheapest* is the setting of least cost whose error after the fit is at or under {goal:.0%}, else that of the
+least error; *finest* is that of the least error. Costs are CPU seconds of Mitsuba and vdb_render, seconds of a frame of
+VTK.
+
+| peer | cost | airlight | ratio | wanted | met |
+| --- | ---: | ---: | ---: | ---: | --- |
 """
 
 
 def text(about: About, rows: list[Row | Absent]) -> str:
-    parts = [INTRODUCTION.format(**vars(about), repeats="several runs")]
-    parts.append("| program | settings | error | fitted | factor | blocks | CPU s | start | wall s | frame s |")
-    parts.append("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
-    parts += [line(r) for r in rows]
-    parts += ["", "*Extrapolated* rows were not rendered: noise falls as N^-1/2, and the exponent that was measured stands with them.", ""]
-    parts += ["## Ratios", "", *ratios([r for r in rows if isinstance(r, Row)])]
-    return "\n".join(parts) + "\n"
+    """The whole page."""
+    table = "".join(line(r) for r in rows)
+    return INTRODUCTION.format(**vars(about)) + HEADER + table + NOTE + ratios([r for r in rows if isinstance(r, Row)])
 
 
 def line(r: Row | Absent) -> str:
+    """A row of the table."""
     if isinstance(r, Absent):
-        return f"| {r.program} | not measured: {r.reason.replace('|', '/')} | | | | | | | | |"
-    start = "" if r.extrapolated else number(r.start)
-    frame = "" if r.frame is None else number(r.frame)
-    seconds = f"{number(r.cpu)} | {start} | {number(r.wall)} | {frame}"
+        return f"| {r.program} | not measured: {r.reason.replace('|', '/')} | | | | | | | | |\n"
     if r.extrapolated:
-        return f"| {r.program} | *{r.settings}* | {r.error:.2%} | | | {r.blocks:.2%} | {seconds} |"
-    errors = f"{r.error:.2%} | {r.fitted:.2%} | {r.factor:.3f} | {r.blocks:.2%}"
-    return f"| {r.program} | {r.settings} | {errors} | {seconds} |"
+        shown = [r.program, f"*{r.settings}*", f"{r.error:.2%}", "", "", f"{r.blocks:.2%}"]
+    else:
+        shown = [r.program, r.settings, f"{r.error:.2%}", f"{r.fitted:.2%}", f"{r.factor:.3f}", f"{r.blocks:.2%}"]
+    seconds = [r.cpu, r.start, r.wall, r.frame]
+    return f"| {' | '.join(shown + ['' if s is None else number(s) for s in seconds])} |\n"
 
 
 def number(x: float) -> str:
-    """Three digits that count."""
+    """Three digits that count, two of what is small."""
     return f"{x:.0f}" if x >= 100 else f"{x:.3g}" if x >= 0.1 else f"{x:.2g}"
 
 
-def ratios(rows: list[Row]) -> list[str]:
-    """The three goals, each with what it is a ratio of."""
-    of = lambda name: [r for r in rows if r.program.startswith(name)]
+def ratios(rows: list[Row]) -> str:
+    """What peers cost over what airlight does."""
     ours = [r for r in rows if r.program == "airlight, cpu" and r.error <= GOAL]
     if not ours:
-        return [f"No setting of airlight is at or under {GOAL:.0%}: there is nothing to compare."]
+        return f"No setting of airlight is at or under {GOAL:.0%}: there is nothing to compare.\n"
     whole = min(ours, key=lambda r: r.cpu)
     steady = min(ours, key=lambda r: r.frame)
-    parts = [
-        f"airlight at or under {GOAL:.0%}: whole picture {number(whole.cpu)} CPU s ({whole.settings}, {whole.error:.2%}); steady",
-        f"frame {number(steady.frame)} s ({steady.settings}, {steady.error:.2%}). Of a peer, *cheapest* is its cheapest setting whose error is",
-        f"at or under {GOAL:.0%} after the fit, else the one of the least error; *finest* is the one of the least error.",
-        "",
-        "| goal | peer | airlight | ratio | wanted | met |",
-        "| --- | ---: | ---: | ---: | ---: | --- |",
-    ]
-
-    def goal(name: str, peer: float, own: float, wanted: float) -> None:
-        met = "yes" if peer / own >= wanted else "no"
-        parts.append(f"| {name} | {number(peer)} | {number(own)} | {peer / own:.0f} | {wanted:.0f} | {met} |")
-
-    def two(name: str, wanted: float, cost, own: float) -> None:
-        found = of(name)
-        if not found:
-            parts.append(f"| {name} | not measured | | | {wanted:.0f} | |")
-            return
-        finest = min(found, key=lambda r: r.fitted)
-        good = [r for r in found if r.fitted <= GOAL] or [finest]
-        cheapest = min(good, key=cost)
-        for word, r in (("cheapest", cheapest), ("finest", finest)):
-            goal(f"{name}, {word}: {r.settings} ({r.error:.2%}, fitted {r.fitted:.2%})", cost(r), own, wanted)
-
-    extrapolated = [r for r in of("Mitsuba") if r.extrapolated]
+    found = RATIOS.format(
+        goal=GOAL,
+        cpu=number(whole.cpu),
+        whole=f"{whole.settings}: {whole.error:.2%}",
+        frame=number(steady.frame),
+        steady=f"{steady.settings}: {steady.error:.2%}",
+    )
+    extrapolated = [r for r in rows if r.program.startswith("Mitsuba") and r.extrapolated]
     if extrapolated:
-        goal("Mitsuba, CPU s at 2 %, extrapolated", extrapolated[0].cpu, whole.cpu, 1000)
+        found += ratio("Mitsuba, extrapolated to 2 %", extrapolated[0].cpu, whole.cpu, MITSUBA)
     else:
-        parts.append("| Mitsuba | not measured | | | 1000 | |")
-    two("vdb_render", 20, lambda r: r.cpu, whole.cpu)
-    two("VTK", 50, lambda r: r.frame, steady.frame)
-    return parts
+        found += f"| Mitsuba | not measured | | | {MITSUBA} | |\n"
+    found += of_settings("vdb_render", rows, lambda r: r.cpu, whole.cpu, VDB_RENDER)
+    return found + of_settings("VTK", rows, lambda r: r.frame, steady.frame, VTK)
+
+
+def ratio(name: str, peer: float, own: float, wanted: float) -> str:
+    met = "yes" if peer / own >= wanted else "no"
+    return f"| {name} | {number(peer)} | {number(own)} | {peer / own:.0f} | {wanted} | {met} |\n"
+
+
+def of_settings(name: str, rows: list[Row], cost: Callable[[Row], float], own: float, wanted: float) -> str:
+    """The ratios to the cheapest and to the finest setting of a program."""
+    found = [r for r in rows if r.program.startswith(name)]
+    if not found:
+        return f"| {name} | not measured | | | {wanted} | |\n"
+    finest = min(found, key=lambda r: r.fitted)
+    cheapest = min((r for r in found if r.fitted <= GOAL), key=cost, default=finest)
+
+    def told(word: str, r: Row) -> str:
+        what = f"{name}, {word}: {r.settings}, error {r.error:.2%}, fitted {r.fitted:.2%}"
+        return ratio(what, cost(r), own, wanted)
+
+    return told("cheapest", cheapest) + told("finest", finest)

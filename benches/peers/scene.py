@@ -80,7 +80,6 @@ def write(scene: Scene) -> str | None:
     scene.vol.write_bytes(header + density.tobytes())
     scene.vdb.unlink(missing_ok=True)
     # Debian's module belongs to Debian's Python, not to that of the virtual environment.
-    done = subprocess.run(
-        ["/usr/bin/python3", HERE / "write_vdb.py", scene.density, scene.vdb], capture_output=True, text=True, check=False
-    )
+    command = ["/usr/bin/python3", HERE / "write_vdb.py", scene.density, scene.vdb]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     return None if done.returncode == 0 else (done.stderr.strip().splitlines() or ["write_vdb.py failed"])[-1]
