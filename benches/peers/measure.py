@@ -42,6 +42,7 @@ class Row:
     cpu: float
     wall: float
     start: float | None
+    frame_cpu: float | None = None
     frame: float | None = None
     extrapolated: bool = False
 

@@ -17,7 +17,7 @@ from scene import Scene, read
 LADDER = [2.0, 1.0, 0.5]
 # Points of the opacity's curve.
 POINTS = 1024
-FRAMES = 4
+FRAMES = 2
 
 
 def volume(vtk, scene: Scene, step: float):
@@ -132,7 +132,7 @@ def rows(scene: Scene, truth: np.ndarray, reason: str | None, quick: bool) -> li
         # Light of 1 on a white medium: the phase function, the irradiance and the albedo come after.
         picture = np.load(scene.folder / f"vtk-{step:g}.npy") * (scene.albedo * scene.irradiance / (4 * np.pi))
         program = f"VTK {told['version']}, {told['driver']}"
-        costs = {"cpu": cpu, "wall": wall, "start": told["start"], "frame": wall}
+        costs = {"cpu": cpu, "wall": wall, "start": told["start"], "frame_cpu": cpu, "frame": wall}
         found.append(row(program, f"sample distance {step:g}", picture, truth, **costs))
     return found
 

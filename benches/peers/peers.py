@@ -68,7 +68,7 @@ def main() -> None:
     coarser = relative(truth(given.truth, scene, COARSER), held)
     load = os.getloadavg()[0]
     counts = COUNTS[:2] if given.quick else COUNTS
-    rows = peer_airlight.rows(given.airlight, scene, held, counts)
+    rows = peer_airlight.rows(given.airlight, scene, held, counts, given.quick)
     rows += peer_vdb_render.rows(scene, held, no_vdb, given.quick)
     rows += peer_vtk.rows(scene, held, reason(given.folder, "vtk"), given.quick)
     rows += peer_mitsuba.rows(scene, held, counts, reason(given.folder, "mitsuba"))

@@ -38,11 +38,12 @@ directional light, single scattering, 256 × 256 pixels.
 - **CPU s**: user and system. Of airlight and vdb_render the whole process, with reading and writing of files, least of
   several; *start* is what a picture of one pixel takes, cells of shadow included. Of Mitsuba and VTK the call that
   renders alone, with everything compiled; *start* is what came before, loading and compiling.
-- **Wall s**: the clock beside it. **Frame s**: one more frame with the light elsewhere, by the clock, least of several.
+- **Wall s**: the clock beside it, which other work on the machine holds up.
+- **Frame**: one more frame with the light elsewhere, least of several.
 
 """
-HEADER = """| program | settings | error | fitted | factor | blocks | CPU s | start | wall s | frame s |
-| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |
+HEADER = """| program | settings | error | fitted | factor | blocks | CPU s | start | wall s | frame, CPU s | wall s |
+| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |
 """
 NOTE = """
 *Rows in italics* were not rendered: noise falls as N^-1/2, and the exponent that was measured stands with them.
@@ -50,10 +51,8 @@ NOTE = """
 ## Ratios
 
 """
-RATIOS = """airlight at or under {goal:.0%}: whole picture {cpu} CPU s ({whole}); steady frame {frame} s ({steady}).
-Of a peer, *cheapest* is the setting of least cost whose error after the fit is at or under {goal:.0%}, else that of the
-least error; *finest* is that of the least error. Costs are CPU seconds of Mitsuba and vdb_render, seconds of a frame of
-VTK.
+RATIOS = """Of airlight, the setting of least cost whose error is at or under {goal:.0%}. Of a peer, *cheapest* is the
+setting of least cost whose error after the fit is, else that of the least error; *finest* is that of the least error.
 
 | peer | cost | airlight | ratio | wanted | met |
 | --- | ---: | ---: | ---: | ---: | --- |
@@ -69,12 +68,12 @@ def text(about: About, rows: list[Row | Absent]) -> str:
 def line(r: Row | Absent) -> str:
     """A row of the table."""
     if isinstance(r, Absent):
-        return f"| {r.program} | not measured: {r.reason.replace('|', '/')} | | | | | | | | |\n"
+        return f"| {r.program} | not measured: {r.reason.replace('|', '/')} | | | | | | | | | |\n"
     if r.extrapolated:
         shown = [r.program, f"*{r.settings}*", f"{r.error:.2%}", "", "", f"{r.blocks:.2%}"]
     else:
         shown = [r.program, r.settings, f"{r.error:.2%}", f"{r.fitted:.2%}", f"{r.factor:.3f}", f"{r.blocks:.2%}"]
-    seconds = [r.cpu, r.start, r.wall, r.frame]
+    seconds = [r.cpu, r.start, r.wall, r.frame_cpu, r.frame]
     return f"| {' | '.join(shown + ['' if s is None else number(s) for s in seconds])} |\n"
 
 
@@ -88,30 +87,29 @@ def ratios(rows: list[Row]) -> str:
     ours = [r for r in rows if r.program == "airlight, cpu" and r.error <= GOAL]
     if not ours:
         return f"No setting of airlight is at or under {GOAL:.0%}: there is nothing to compare.\n"
-    whole = min(ours, key=lambda r: r.cpu)
-    steady = min(ours, key=lambda r: r.frame)
-    found = RATIOS.format(
-        goal=GOAL,
-        cpu=number(whole.cpu),
-        whole=f"{whole.settings}: {whole.error:.2%}",
-        frame=number(steady.frame),
-        steady=f"{steady.settings}: {steady.error:.2%}",
-    )
+    found = RATIOS.format(goal=GOAL)
     extrapolated = [r for r in rows if r.program.startswith("Mitsuba") and r.extrapolated]
     if extrapolated:
-        found += ratio("Mitsuba, extrapolated to 2 %", extrapolated[0].cpu, whole.cpu, MITSUBA)
+        found += ratio("Mitsuba, extrapolated to 2 %, CPU s", extrapolated[0], ours, lambda r: r.cpu, MITSUBA)
     else:
         found += f"| Mitsuba | not measured | | | {MITSUBA} | |\n"
-    found += of_settings("vdb_render", rows, lambda r: r.cpu, whole.cpu, VDB_RENDER)
-    return found + of_settings("VTK", rows, lambda r: r.frame, steady.frame, VTK)
+    found += of_settings("vdb_render", "CPU s", rows, ours, lambda r: r.cpu, VDB_RENDER)
+    found += of_settings("VTK", "CPU s of a frame", rows, ours, lambda r: r.frame_cpu, VTK)
+    return found + of_settings("VTK", "wall s of a frame", rows, ours, lambda r: r.frame, VTK)
 
 
-def ratio(name: str, peer: float, own: float, wanted: float) -> str:
-    met = "yes" if peer / own >= wanted else "no"
-    return f"| {name} | {number(peer)} | {number(own)} | {peer / own:.0f} | {wanted} | {met} |\n"
+def ratio(name: str, peer: Row, ours: list[Row], cost: Callable[[Row], float], wanted: float) -> str:
+    own = min(ours, key=cost)
+    times = cost(peer) / cost(own)
+    shown = f"{number(cost(own))} ({own.settings}; {own.error:.2%})"
+    return (
+        f"| {name} | {number(cost(peer))} | {shown} | {times:.0f} | {wanted} | {'yes' if times >= wanted else 'no'} |\n"
+    )
 
 
-def of_settings(name: str, rows: list[Row], cost: Callable[[Row], float], own: float, wanted: float) -> str:
+def of_settings(
+    name: str, unit: str, rows: list[Row], ours: list[Row], cost: Callable[[Row], float], wanted: float
+) -> str:
     """The ratios to the cheapest and to the finest setting of a program."""
     found = [r for r in rows if r.program.startswith(name)]
     if not found:
@@ -120,7 +118,7 @@ def of_settings(name: str, rows: list[Row], cost: Callable[[Row], float], own: f
     cheapest = min((r for r in found if r.fitted <= GOAL), key=cost, default=finest)
 
     def told(word: str, r: Row) -> str:
-        what = f"{name}, {word}: {r.settings}, error {r.error:.2%}, fitted {r.fitted:.2%}"
-        return ratio(what, cost(r), own, wanted)
+        what = f"{name}, {unit}, {word}: {r.settings}; {r.error:.2%}, fitted {r.fitted:.2%}"
+        return ratio(what, r, ours, cost, wanted)
 
     return told("cheapest", cheapest) + told("finest", finest)
