@@ -83,7 +83,8 @@ def process(command: list, env: dict | None = None) -> tuple[Cost, str]:
         err.seek(0)
         if child.returncode != 0:
             lines = err.read().decode(errors="replace").strip().splitlines() or ["no word"]
-            raise Failed(f"{Path(command[0]).name} ended with {child.returncode}: {lines[0][:200]}")
+            told = lines[-1] if lines[0].startswith("Traceback") else lines[0]
+            raise Failed(f"{Path(command[0]).name} ended with {child.returncode}: {told[:200]}")
         return Cost(used.ru_utime + used.ru_stime, wall), out.read().decode()
 
 
