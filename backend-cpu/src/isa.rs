@@ -62,7 +62,7 @@ macro_rules! compiled_for {
             [
                 $function::<$crate::simd::Avx512>,
                 $function::<$crate::simd::Avx2>,
-                $function::<$crate::simd::Portable>
+                $function::<$crate::simd::Baseline>
             ],
             ($($arg: $ty),*)
         )
@@ -70,7 +70,7 @@ macro_rules! compiled_for {
     ($isa:expr, $function:ident($($arg:ident: $ty:ty),* $(,)?)) => {
         $crate::isa::compiled_for!($isa, [$function, $function, $function], ($($arg: $ty),*))
     };
-    ($isa:expr, [$avx512:expr, $avx2:expr, $portable:expr], ($($arg:ident: $ty:ty),*)) => {{
+    ($isa:expr, [$avx512:expr, $avx2:expr, $baseline:expr], ($($arg:ident: $ty:ty),*)) => {{
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
         fn avx512($($arg: $ty),*) {
@@ -90,7 +90,7 @@ macro_rules! compiled_for {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             $crate::Isa::Avx2 => unsafe { avx2($($arg),*) },
-            _ => $portable($($arg),*),
+            _ => $baseline($($arg),*),
         }
     }};
 }

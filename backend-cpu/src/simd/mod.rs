@@ -8,11 +8,15 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+#[cfg(target_arch = "x86_64")]
+pub(crate) use sse2::Sse2 as Baseline;
 
 use crate::held::half;
 use crate::packet::{LANES, lanes};
@@ -229,11 +233,14 @@ pub(crate) trait Simd: Copy + Send + Sync {
     }
 }
 
-/// What every processor has.
+/// Lane by lane: for packets of which one lane counts, and for other processors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Portable {}
 
 impl Simd for Portable {}
+
+#[cfg(not(target_arch = "x86_64"))]
+pub(crate) use Portable as Baseline;
 
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
