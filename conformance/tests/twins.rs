@@ -80,7 +80,6 @@ const CPU: Backend = Backend {
         ("sample", "new", CHECKED),
         ("field", "new", CHECKED),
         ("segment", "decay", "packets do without a quotient where they can"),
-        ("segment", "series", "packets do without a quotient where they can"),
         ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
         ("field", "texel", "generated elsewhere"),

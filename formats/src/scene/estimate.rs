@@ -264,7 +264,7 @@ fn surface_shadow(field: &Field<'_>) -> Result<SurfaceShadow, Fault> {
 pub(super) fn quality(root: &Table<'_>) -> Result<Quality, Fault> {
     let mut quality = Quality::default();
     let Some(field) = root.get("quality") else { return Ok(quality) };
-    let table = field.table(&["step", "steps", "jitter", "scale", "temporal"])?;
+    let table = field.table(&["step", "steps", "jitter", "scale", "temporal", "density"])?;
     table.exclusive("step", "steps")?;
     // The least that `Scene::validate` takes.
     quality.step = table.or("step", quality.step, |f| f.number_where("at least 0.001 voxels", |v| v >= 1e-3))?;

@@ -40,7 +40,7 @@ fn keys_and_types_are_strict() {
     assert_eq!(told("extintion = 2"), "7:1: unknown key `extintion` in medium; did you mean `extinction`?");
     assert_eq!(
         told("[quality]\nzoom = 2"),
-        "8:1: unknown key `zoom` in quality; the keys are `step`, `steps`, `jitter`, `scale` and `temporal`"
+        "8:1: unknown key `zoom` in quality; the keys are `step`, `steps`, `jitter`, `scale`, `temporal` and `density`"
     );
     assert_eq!(told("[qualty]"), "7:2: unknown key `qualty`; did you mean `quality`?");
     assert_eq!(told("albedo = 1.2"), "7:10: medium.albedo = 1.2; it must be from 0 to 1");
