@@ -7,11 +7,11 @@
 
 mod bare;
 mod device;
+mod film;
 mod held;
 mod isa;
 mod kernels;
 mod packet;
-mod parts;
 mod simd;
 
 pub use bare::{BareRay, bare_lookups};

@@ -314,6 +314,33 @@ uint4 blocks(const Bound *bound) {
     return (uint4)(0u);
 }
 
+// Returns J from the layers of a field, one a coefficient, in the lanes that are `dense`, one by one: `lookup` finds layer `k` at
+// `place`, and a voxel of those that `at` counts is `per_voxel` cells.
+#define LAYERED(lookup, layers, at, per_voxel)                                                                        \
+    do {                                                                                                              \
+        int marked[WIDTH];                                                                                            \
+        float x[WIDTH];                                                                                               \
+        float y[WIDTH];                                                                                               \
+        float z[WIDTH];                                                                                               \
+        unpack(dense, marked);                                                                                        \
+        unpack(((at).x + 0.5f) * (per_voxel).x - 0.5f, x);                                                            \
+        unpack(((at).y + 0.5f) * (per_voxel).y - 0.5f, y);                                                            \
+        unpack(((at).z + 0.5f) * (per_voxel).z - 0.5f, z);                                                            \
+        for (uint i = 0u; i < WIDTH; i++) {                                                                           \
+            float3 sum = (float3)(0.0f);                                                                              \
+            if (marked[i]) {                                                                                          \
+                float3 place = (float3)(x[i], y[i], z[i]);                                                            \
+                for (uint k = 0u; k < (layers); k++) {                                                                \
+                    sum += ((layers) == 1u ? 1.0f : basis[k * WIDTH + i]) * (lookup);                                 \
+                }                                                                                                     \
+            }                                                                                                         \
+            x[i] = sum.x;                                                                                             \
+            y[i] = sum.y;                                                                                             \
+            z[i] = sum.z;                                                                                             \
+        }                                                                                                             \
+        return f3(pack(x), pack(y), pack(z));                                                                         \
+    } while (0)
+
 // J from the field of in-scattered radiance.
 F3 gathered(const Bound *bound, F3 at, const float *basis, M dense) {
     if (!has_in_scatter) {
@@ -321,27 +348,7 @@ F3 gathered(const Bound *bound, F3 at, const float *basis, M dense) {
     }
     float3 per_voxel = bound->params->cells_per_voxel.xyz;
     uint layers = bound->params->cells.w;
-    int marked[WIDTH];
-    float x[WIDTH];
-    float y[WIDTH];
-    float z[WIDTH];
-    unpack(dense, marked);
-    unpack((at.x + 0.5f) * per_voxel.x - 0.5f, x);
-    unpack((at.y + 0.5f) * per_voxel.y - 0.5f, y);
-    unpack((at.z + 0.5f) * per_voxel.z - 0.5f, z);
-    for (uint i = 0u; i < WIDTH; i++) {
-        float3 sum = (float3)(0.0f);
-        if (marked[i]) {
-            float3 place = (float3)(x[i], y[i], z[i]);
-            for (uint k = 0u; k < layers; k++) {
-                sum += (layers == 1u ? 1.0f : basis[k * WIDTH + i]) * in_scatter_at(bound, place, k);
-            }
-        }
-        x[i] = sum.x;
-        y[i] = sum.y;
-        z[i] = sum.z;
-    }
-    return f3(pack(x), pack(y), pack(z));
+    LAYERED(in_scatter_at(bound, place, k), layers, at, per_voxel);
 }
 
 float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
@@ -360,27 +367,7 @@ F3 scattered_light(const Bound *bound, F3 at, const float *basis, M dense) {
     float3 per_voxel = bound->params->scattered_cells_per_voxel.xyz;
     int3 size = convert_int3(bound->params->scattered_cells.xyz);
     uint layers = bound->params->scattered_cells.w;
-    int marked[WIDTH];
-    float x[WIDTH];
-    float y[WIDTH];
-    float z[WIDTH];
-    unpack(dense, marked);
-    unpack((at.x + 0.5f) * per_voxel.x - 0.5f, x);
-    unpack((at.y + 0.5f) * per_voxel.y - 0.5f, y);
-    unpack((at.z + 0.5f) * per_voxel.z - 0.5f, z);
-    for (uint i = 0u; i < WIDTH; i++) {
-        float3 sum = (float3)(0.0f);
-        if (marked[i]) {
-            float3 place = (float3)(x[i], y[i], z[i]);
-            for (uint k = 0u; k < layers; k++) {
-                sum += (layers == 1u ? 1.0f : basis[k * WIDTH + i]) * sample_scattered(bound, place, size, (int)k).xyz;
-            }
-        }
-        x[i] = sum.x;
-        y[i] = sum.y;
-        z[i] = sum.z;
-    }
-    return f3(pack(x), pack(y), pack(z));
+    LAYERED(sample_scattered(bound, place, size, (int)k).xyz, layers, at, per_voxel);
 }
 
 // J from each light.

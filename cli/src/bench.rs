@@ -76,6 +76,22 @@ pub(crate) fn run(options: &Options) -> Done {
     if faults.is_empty() { Ok(()) } else { Err(Failure::running(faults.join("; "))) }
 }
 
+/// Those whose name begins with `prefix`, of what an option names.
+fn chosen<T>(
+    mut all: Vec<T>,
+    name: impl Fn(&T) -> &'static str,
+    prefix: &str,
+    [option, what]: [&str; 2],
+) -> Result<Vec<T>, Failure> {
+    let names: Vec<_> = all.iter().map(&name).collect();
+    all.retain(|one| name(one).starts_with(prefix));
+    if all.is_empty() {
+        let names = names.join(", ");
+        return Err(Failure::input(format!("{option} {prefix}: no such {what}; there are {names}")));
+    }
+    Ok(all)
+}
+
 fn measure(info: DeviceInfo) -> Measured {
     let (id, count) = (info.id(), quick::names().len());
     let mut meter = Meter::new();

@@ -69,8 +69,6 @@ const CPU: Backend = Backend {
         ("photons", "run", MEMORY),
         ("photons", "shared", "elsewhere a type, or a function, says that integers are added to atomically"),
         ("march", "block", LANES),
-        ("march", "packets", LANES),
-        ("march", "lanes_of", LANES),
         ("march", "layered", "elsewhere each field has lookups of its own, generated"),
         ("inject", "run", MEMORY),
         ("inject", "rows", MEMORY),

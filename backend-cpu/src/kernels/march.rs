@@ -19,14 +19,12 @@ use super::segment::{decay, segment};
 use super::sky::{Sky, sky};
 use crate::Isa;
 use crate::device::Memory;
+use crate::film::{Film, Pixels, SIDE, lanes_of, packets};
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, lanes, triple};
-use crate::parts::Parts;
 use crate::simd::{Floats, Simd};
 
 const BLOCK: usize = March::BLOCK as usize;
-/// Pixels<S> along each side of a packet.
-const SIDE: usize = 4;
 /// Blocks along each side of what a task takes.
 const TILE: usize = 4;
 
@@ -54,9 +52,6 @@ struct Inputs<'a> {
     /// Whether one channel serves all, and what scatters is a part of what stops.
     plain: bool,
 }
-
-/// What is kept of sixteen pixels: the film, which holds sums between passes, and the path where rays are cut.
-type Pixels = [[[Floats; 4]; 2]; 2];
 
 pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.film)?;
@@ -124,9 +119,8 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         grey,
         plain: grey && !emits && stage.scattering.is_none(),
     };
-    let mut out = out.into_iter().map(|kept| Parts::new(bytemuck::cast_slice_mut::<u8, Kept>(kept)));
-    let (film, paths) = (out.next(), out.next());
-    let kept = [film.as_ref(), paths.as_ref()];
+    let mut out = out.into_iter();
+    let film = &Film::new(out.next(), out.next(), [p.width, p.height]);
     let [across, down] = [p.width, p.height].map(|n| (n as usize).div_ceil(BLOCK));
     // A task takes blocks that lie together: their rays see the same part of the medium.
     let tiles = across.div_ceil(TILE);
@@ -135,7 +129,7 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
         for y in corner[1]..(corner[1] + TILE).min(down) {
             for x in corner[0]..(corner[0] + TILE).min(across) {
                 if range.contains(&((y * across + x) as u32)) {
-                    block(&inputs, isa, [x * BLOCK, y * BLOCK], kept);
+                    block(&inputs, isa, [x * BLOCK, y * BLOCK], film);
                 }
             }
         }
@@ -143,43 +137,20 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
     Ok(())
 }
 
-/// Two vectors of a pixel: of the film, or of the path.
-type Kept = [[f32; 4]; 2];
-
-/// Marches the pixels of a block whose first one is `corner`, into the film and the paths.
-fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], kept: [Option<&Parts<'_, Kept>>; 2]) {
-    let (width, height) = (inputs.p.width as usize, inputs.p.height as usize);
+/// Marches the pixels of a block whose first one is `corner`, into the film.
+fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], film: &Film<'_>) {
     let more = inputs.p.sample_begin > 0 || inputs.p.step_begin > 0;
     for packet in 0..(BLOCK / SIDE) * (BLOCK / SIDE) {
         let place = [corner[0] + packet % (BLOCK / SIDE) * SIDE, corner[1] + packet / (BLOCK / SIDE) * SIDE];
-        let pixel = |i: usize| {
-            let (x, y) = (place[0] + i % SIDE, place[1] + i / SIDE);
-            (x < width && y < height).then_some(y * width + x)
-        };
-        let mut pixels: Pixels = [[[[0.0; LANES]; 4]; 2]; 2];
-        if more {
-            // What earlier passes left.
-            for (pixels, kept) in pixels.iter_mut().zip(kept) {
-                for (i, at) in (0..LANES).filter_map(|i| Some((i, pixel(i)?))) {
-                    // SAFETY: every pixel is of one block, and every block of one task.
-                    #[allow(unsafe_code)]
-                    let value = kept.map_or([[0.0; 4]; 2], |kept| unsafe { kept.get(at) });
-                    (0..2).for_each(|half| (0..4).for_each(|c| pixels[half][c][i] = value[half][c]));
-                }
-            }
-        }
+        // SAFETY: every pixel is of one block, and every block of one task.
+        #[allow(unsafe_code)]
+        let mut pixels = if more { unsafe { film.load(place) } } else { Pixels::default() };
         let out = &mut pixels;
         compiled_for!(isa, march<S>(inputs: &Inputs<'_>, place: [usize; 2], out: &mut Pixels));
-        for (pixels, kept) in pixels.iter().zip(kept) {
-            let Some(kept) = kept else { continue };
-            for (i, at) in (0..LANES).filter_map(|i| Some((i, pixel(i)?))) {
-                let [[r, g, b, a], [x, y, z, w]] = pixels;
-                // SAFETY: as above.
-                #[allow(unsafe_code)]
-                unsafe {
-                    kept.set(at, [[r[i], g[i], b[i], a[i]], [x[i], y[i], z[i], w[i]]]);
-                }
-            }
+        // SAFETY: as above.
+        #[allow(unsafe_code)]
+        unsafe {
+            film.store(place, &pixels);
         }
     }
 }
@@ -262,18 +233,6 @@ fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let beauty = [color[0] * scale, color[1] * scale, color[2] * scale, last];
     let depth = stopped.gt(F::ZERO).select(stopped_at / stopped, F::splat(f32::INFINITY));
     out[0] = lanes_of([beauty, [through[0] * scale, through[1] * scale, through[2] * scale, depth]]);
-}
-
-/// Four packets of these lanes.
-#[inline(always)]
-fn packets<S: Simd>(lanes: &[Floats; 4]) -> [F<S>; 4] {
-    [F::of(lanes[0]), F::of(lanes[1]), F::of(lanes[2]), F::of(lanes[3])]
-}
-
-/// The lanes of packets.
-#[inline(always)]
-fn lanes_of<S: Simd>([a, b]: [[F<S>; 4]; 2]) -> [[Floats; 4]; 2] {
-    [[a[0].0, a[1].0, a[2].0, a[3].0], [b[0].0, b[1].0, b[2].0, b[3].0]]
 }
 
 /// Which lanes lie near a rim: of the surfaces of five by five pixels around, the nearest and the farthest.

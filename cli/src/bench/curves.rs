@@ -8,21 +8,14 @@ use airlight_benches::steady::Outcome;
 use serde_json::{Value, json};
 
 use super::markdown::{aligned, note};
-use super::{figures, markdown, time};
+use super::{chosen, figures, markdown, time};
 use crate::failure::Failure;
 use crate::progress::Meter;
 use crate::{devices, output};
 
 /// The curves whose name begins with `prefix`.
 pub(super) fn curves(prefix: &str) -> Result<Vec<Curve>, Failure> {
-    let mut curves = curves::curves();
-    let names: Vec<_> = curves.iter().map(|curve| curve.name).collect();
-    curves.retain(|curve| curve.name.starts_with(prefix));
-    if curves.is_empty() {
-        let what = format!("--curves {prefix}: no such curve; there are {}", names.join(", "));
-        return Err(Failure::input(what));
-    }
-    Ok(curves)
+    chosen(curves::curves(), |curve| curve.name, prefix, ["--curves", "curve"])
 }
 
 /// A curve and what each device made of it.

@@ -8,21 +8,14 @@ use airlight_benches::steady::Outcome;
 use serde_json::{Value, json};
 
 use super::markdown::{aligned, note};
-use super::{figures, markdown};
+use super::{chosen, figures, markdown};
 use crate::failure::Failure;
 use crate::progress::Meter;
 use crate::{devices, output};
 
 /// The tables whose name begins with `prefix`.
 pub(super) fn tables(prefix: &str) -> Result<Vec<Table>, Failure> {
-    let mut tables = papers::tables();
-    let names: Vec<_> = tables.iter().map(|table| table.name).collect();
-    tables.retain(|table| table.name.starts_with(prefix));
-    if tables.is_empty() {
-        let what = format!("--papers {prefix}: no such table; there are {}", names.join(", "));
-        return Err(Failure::input(what));
-    }
-    Ok(tables)
+    chosen(papers::tables(), |table| table.name, prefix, ["--papers", "table"])
 }
 
 /// A table and what each device made of it.
