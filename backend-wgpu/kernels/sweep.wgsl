@@ -11,10 +11,13 @@ fn sweep(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
     let step = launch.start % steps;
     let first = launch.start / steps * params.batch;
     let count = min(params.batch, params.directions - first);
-    if step == params.cells.w {
+    if GATHERS {
         gather(item, first, count);
-    } else if item / params.plane < count {
-        advance(item / params.plane, first, step, item % params.plane);
+    } else {
+        let at = divide(item, params.plane);
+        if at.x < count {
+            advance(at.x, first, step, at.y);
+        }
     }
 }
 
@@ -33,8 +36,9 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
     let hop = select(vec3<i32>(1), vec3<i32>(-1), falls);
     var at = vec3<i32>(0);
     at[axis] = i32(select(cells[axis] - 1u - step, step, falls[axis]));
-    at[b] = i32(item % cells[b]);
-    at[c] = i32(item / cells[b]);
+    let within = divide(item, cells[b]);
+    at[b] = i32(within.y);
+    at[c] = i32(within.x);
     let count = cells.x * cells.y * cells.z;
     let cell = (u32(at.z) * cells.y + u32(at.y)) * cells.x + u32(at.x);
     var tau = 0.0;
@@ -53,8 +57,8 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             if has_obstructed && obstructs(cell, to - at) {
                 extinction += weight * read_optics(channel * count + cell);
                 emission += weight * read_optics((6u + channel) * count + cell);
-                if params.source_coefficients > 0u {
-                    upwind += weight * source(direction, channel, cell);
+                if has_sources {
+                    upwind += weight * source(n, channel, cell);
                 }
                 continue;
             }
@@ -68,8 +72,8 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             } else {
                 arriving += weight * params.boundary;
             }
-            if params.source_coefficients > 0u {
-                upwind += weight * source(direction, channel, near_cell);
+            if has_sources {
+                upwind += weight * source(n, channel, near_cell);
             }
         }
         if channel == 0u || params.grey == 0u {
@@ -77,8 +81,8 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
             piece = segment(tau);
         }
         var light = piece.x * arriving;
-        if params.source_coefficients > 0u {
-            let own = source(direction, channel, cell);
+        if has_sources {
+            let own = source(n, channel, cell);
             light += own * (tau * piece.y) + (upwind - own) * leaning(tau, piece);
         }
         if params.emits == 1u {
@@ -102,40 +106,40 @@ fn obstructs(cell: u32, hop: vec3<i32>) -> bool {
     return ((read_obstructed(cell) >> (bit.z * 9u + bit.y * 3u + bit.x)) & 1u) == 1u;
 }
 
-// The source function of a cell.
-fn source(direction: u32, channel: u32, cell: u32) -> f32 {
+// The source function of a cell toward direction `n` of the batch, which `sources_toward` summed.
+fn source(n: u32, channel: u32, cell: u32) -> f32 {
     let count = params.cells.x * params.cells.y * params.cells.z;
-    var sum = 0.0;
-    for (var k = 0u; k < params.source_coefficients; k++) {
-        let moment = read_sources((k * params.channels + channel) * count + cell);
-        sum += read_source_weights(direction * params.source_coefficients + k) * moment;
-    }
-    return sum * read_optics((3u + channel) * count + cell);
+    return read_sources((n * params.channels + channel) * count + cell);
 }
 
-// A coefficient of a cell's moments: what the batches before left, and the `taken` directions of this one from `first` on.
+// Four coefficients of a cell's moments: what the batches before left, and the `taken` directions of this one from `first` on.
 fn gather(item: u32, first: u32, taken: u32) {
     let count = params.cells.x * params.cells.y * params.cells.z;
     let cell = item % count;
-    let k = item / count;
-    if k >= params.coefficients {
-        return;
-    }
+    let k = 4u * (item / count);
     let channels = max(params.channels, params.weight_channels);
+    let last = vec4<u32>(params.coefficients - 1u);
     for (var c = 0u; c < channels; c++) {
-        var place = (k * channels + c) * count + cell;
+        // The last four may be fewer: then the last of them is summed again.
+        let each = min(vec4<u32>(k, k + 1u, k + 2u, k + 3u), last);
+        var place = (each * channels + c) * count + cell;
         if params.planar == 0u {
-            place = (cell * params.coefficients + k) * channels + c;
+            place = (cell * params.coefficients + each) * channels + c;
         }
-        var sum = 0.0;
+        var sum = vec4<f32>(0.0);
         if first > 0u {
-            sum = moments[place];
+            sum = vec4<f32>(moments[place.x], moments[place.y], moments[place.z], moments[place.w]);
         }
+        let weight = each * params.weight_channels + min(c, params.weight_channels - 1u);
+        let light = min(c, params.channels - 1u) * count + cell;
         for (var n = 0u; n < taken; n++) {
-            let weight = ((first + n) * params.coefficients + k) * params.weight_channels + min(c, params.weight_channels - 1u);
-            let light = (n * params.channels + min(c, params.channels - 1u)) * count + cell;
-            sum += read_weights(weight) * radiance[light];
+            let at = weight + (first + n) * params.coefficients * params.weight_channels;
+            let toward = vec4<f32>(read_weights(at.x), read_weights(at.y), read_weights(at.z), read_weights(at.w));
+            sum += toward * radiance[light + n * params.channels * count];
         }
-        moments[place] = sum;
+        moments[place.x] = sum.x;
+        moments[place.y] = sum.y;
+        moments[place.z] = sum.z;
+        moments[place.w] = sum.w;
     }
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use airlight_core::device::{
-    Binding, BindingAccess, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits,
-    ResourceId, ResourceSpec, StageTime,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits, ResourceId,
+    ResourceSpec, StageTime,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -19,10 +19,11 @@ use crate::cut::{BindingLimits, Cut};
 use crate::engine::Engine;
 use crate::filter::{self, Filter};
 use crate::gpu::{Gpu, STAGING};
-use crate::launch::{Launches, Shot};
+use crate::launch::{self, Launches, Shot};
 use crate::memory::{Resource, texture_format};
+use crate::part::{Key, Part, Steady};
 use crate::pipeline::Pipeline;
-use crate::source::{self, Fetched, PublishParams, Shape};
+use crate::source::{self, Fetched, PublishParams, Variant};
 use crate::store::{Bound, Store};
 use crate::vulkan;
 
@@ -33,12 +34,13 @@ pub struct WgpuDevice {
     pub(crate) gpu: Gpu,
     pub(crate) limits: wgpu::Limits,
     pub(crate) store: Store,
-    /// Kernels by stage, the shapes of its bindings, and which of them are storage textures.
-    pipelines: HashMap<(&'static str, Vec<Shape>, Fetched), Arc<Pipeline>>,
+    /// Kernels.
+    pub(crate) pipelines: HashMap<Key, Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
     pub(crate) engine: Engine,
     /// Where texture units interpolate.
     pub(crate) sampler: Option<Sampler>,
+    steady: Steady,
     /// Whether kernels read fields, and copies of buffers, as storage textures.
     pub(crate) texels: bool,
     clock: Clock,
@@ -61,6 +63,7 @@ impl WgpuDevice {
             publishers: HashMap::new(),
             engine: Engine::default(),
             sampler,
+            steady: Steady::default(),
             texels,
             clock: Clock::new(tick),
         })
@@ -77,15 +80,38 @@ impl WgpuDevice {
         BindingLimits { bytes: self.info.limits.binding_bytes, align }
     }
 
-    fn pipeline(&mut self, stage: &Stage, shapes: Vec<Shape>, fetched: Fetched) -> Result<Arc<Pipeline>, DeviceError> {
-        let source = source::of(stage);
-        let key = (source.name, shapes, fetched);
-        if let Some(pipeline) = self.pipelines.get(&key) {
-            return Ok(Arc::clone(pipeline));
+    /// What a kernel of these bindings is built for, once there is room for the copies that it reads.
+    fn prepared(&mut self, part: &Part, cut: Cut, params: &[u8]) -> Result<(Arc<Pipeline>, Fetched), DeviceError> {
+        let bindings = &part.bindings;
+        let shapes = self.store.shapes(bindings, self.limits.max_sampled_textures_per_shader_stage)?;
+        let mut variant = Variant { filtered: self.sampler.is_some(), gathers: part.gathers, ..Variant::default() };
+        // Where a buffer is bound in parts, kernels count from the part that they see.
+        if self.texels && cut.whole() {
+            variant.fetched = self.store.fetched(&shapes, bindings, variant.filtered, &self.limits);
         }
-        let text = source.text(&key.1, fetched, self.sampler.is_some());
-        let built = Pipeline::of_stage(&self.gpu, source.name, &text, (&key.1, fetched), self.sampler.as_ref())?;
-        Ok(Arc::clone(self.pipelines.entry(key).or_insert(Arc::new(built))))
+        self.store.reserve(&self.gpu, bindings, variant.fetched)?;
+        let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
+        if self.texels {
+            let numbers = part.numbers(params);
+            if self.steady.is(&key, &numbers, self.pipelines.len()) {
+                (key.known, variant.known) = (Some(numbers), Some(params));
+            }
+        }
+        if let Some(pipeline) = self.pipelines.get(&key) {
+            return Ok((Arc::clone(pipeline), variant.fetched));
+        }
+        let build = |variant| {
+            let (text, shapes) = (part.text(&key.shapes, variant), (&key.shapes[..], variant.fetched));
+            Pipeline::of_stage(&self.gpu, part.name, &text, shapes, self.sampler.as_ref())
+        };
+        let built = match build(variant) {
+            // With numbers in place of fields an expression of a condition that does not hold may be refused.
+            Err(DeviceError::Backend(_)) if variant.known.is_some() => build(Variant { known: None, ..variant }),
+            built => built,
+        };
+        let built = Arc::new(built?);
+        self.pipelines.insert(key, Arc::clone(&built));
+        Ok((built, variant.fetched))
     }
 
     fn publisher(&mut self, format: FieldFormat) -> Result<Arc<Pipeline>, DeviceError> {
@@ -97,36 +123,43 @@ impl WgpuDevice {
     }
 
     fn run_stage(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
-        let bindings = stage.bindings();
-        let cut = Cut::new(stage.axis(), stage.group(), &bindings, self.binding_limits())?;
-        let shapes = self.store.shapes(&bindings, self.limits.max_sampled_textures_per_shader_stage)?;
-        // Where a buffer is bound in parts, kernels count from the part that they see.
-        let fetched = match self.texels && cut.whole() {
-            true => self.store.fetched(&shapes, &bindings, self.sampler.is_some(), &self.limits),
-            false => Fetched::default(),
+        let parts = match stage {
+            Stage::Sweep(sweep) => self.sweep_parts(stage, sweep, range.clone())?,
+            _ => vec![Part::of(stage, range.clone())],
         };
-        let pipeline = self.pipeline(stage, shapes, fetched)?;
-        self.store.copy(&self.gpu, &bindings, fetched)?;
-        for binding in bindings.iter().filter(|binding| matches!(binding.access, BindingAccess::Write(_))) {
-            binding.id.into_iter().for_each(|id| self.store.wrote(id));
+        let mut prepared = Vec::new();
+        for part in &parts {
+            let cut = Cut::new(part.axis, part.group, &part.bindings, self.binding_limits())?;
+            let (pipeline, fetched) = self.prepared(part, cut, stage.params())?;
+            prepared.push((part, cut, pipeline, fetched));
         }
-        let shots = cut.pieces(range.clone()).map(|piece| {
-            let bound = self.store.bound(&bindings, fetched, |binding| piece.window(binding))?;
-            Ok(Shot { range: piece.range, first: piece.groups.start, bound })
+        let launches = prepared.iter().map(|(part, cut, pipeline, fetched)| {
+            let copies = self.store.stale(&part.bindings, *fetched);
+            self.store.wrote(&part.bindings);
+            let shots = cut.pieces(part.range.clone()).map(|piece| {
+                let bound = self.store.bound(&part.bindings, *fetched, |binding| piece.window(binding))?;
+                Ok(Shot { range: piece.range, first: part.first.unwrap_or(piece.groups.start), bound })
+            });
+            let shots = shots.collect::<Result<_, DeviceError>>()?;
+            let (params, units, sequential) = (stage.params(), part.units, part.sequential);
+            Ok(Launches { pipeline, params, units, sequential, copies, shots })
         });
-        let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-        let units = source::of(stage).units;
-        let (params, sequential) = (stage.params(), stage.sequential());
-        let launches = Launches { params, units, sequential, shots, limits: &self.limits };
-        let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
-        match launches.run(&self.gpu, &pipeline, stamps) {
+        let launches = launches.collect::<Result<Vec<_>, DeviceError>>();
+        let sent = launches.and_then(|launches| {
+            let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
+            launch::send(&self.gpu, &self.limits, &launches, stamps).inspect_err(|_| {
+                // A dispatch that failed has no time.
+                self.clock.take_back();
+            })
+        });
+        match sent {
             Ok(sent) => {
                 self.gpu.sent(stage.name(), sent);
                 Ok(())
             }
             Err(error) => {
-                // A dispatch that failed has no time.
-                self.clock.take_back();
+                // Nor were copies made.
+                parts.iter().for_each(|part| self.store.forget(&part.bindings));
                 Err(error)
             }
         }
@@ -165,7 +198,7 @@ impl Device for WgpuDevice {
         resource.spec().check_write(offset, data)?;
         match resource {
             Resource::Buffer(memory) => {
-                self.store.wrote(id);
+                memory.changed();
                 let mut at = offset;
                 for chunk in data.chunks(STAGING as usize) {
                     let bytes = chunk.len() as u64;
@@ -210,8 +243,9 @@ impl Device for WgpuDevice {
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
-            let launches = Launches { params, units, sequential: None, shots, limits: &self.limits };
-            let sent = launches.run(&self.gpu, &pipeline, None)?;
+            let copies = Vec::new();
+            let launches = Launches { pipeline: &pipeline, params, units, sequential: None, copies, shots };
+            let sent = launch::send(&self.gpu, &self.limits, &[launches], None)?;
             self.gpu.sent("publishing", sent);
         }
         Ok(())
@@ -228,10 +262,12 @@ impl Device for WgpuDevice {
     }
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
+        self.steady.waited();
         self.clock.finish(&mut self.gpu)
     }
 
     fn flush(&mut self) -> Result<(), DeviceError> {
+        self.steady.waited();
         self.clock.forget();
         self.gpu.flush()
     }

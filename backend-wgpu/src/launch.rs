@@ -6,13 +6,14 @@ use airlight_core::device::DeviceError;
 use bytemuck::Zeroable;
 use wgpu::{
     BindGroup, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding, BufferSize, BufferUsages,
-    QuerySet, SubmissionIndex,
+    ComputePass, QuerySet, SubmissionIndex,
 };
 
 use crate::gpu::Gpu;
 use crate::pipeline::Pipeline;
 use crate::source::Launch;
 use crate::store::Bound;
+use crate::texels::Copy;
 
 /// Uniforms begin at multiples of this; WebGPU lets no adapter ask for more.
 const UNIFORM: usize = 256;
@@ -27,27 +28,58 @@ pub(crate) struct Shot<'s> {
     pub(crate) bound: Bound<'s>,
 }
 
-/// The pieces of a dispatch.
+/// The pieces of a dispatch that one pipeline runs.
 #[derive(Debug)]
 pub(crate) struct Launches<'s> {
+    pub(crate) pipeline: &'s Pipeline,
     pub(crate) params: &'s [u8],
     /// Units that a workgroup takes, or items of a unit.
     pub(crate) units: u32,
     /// Where units run in order, one a dispatch: the items of a unit.
     pub(crate) sequential: Option<u32>,
+    /// Buffers to be copied before.
+    pub(crate) copies: Vec<Copy<'s>>,
     pub(crate) shots: Vec<Shot<'s>>,
-    pub(crate) limits: &'s wgpu::Limits,
+}
+
+/// Sends all launches in order, a pass each, between two time stamps where they are given.
+pub(crate) fn send(
+    gpu: &Gpu,
+    limits: &wgpu::Limits,
+    all: &[Launches<'_>],
+    stamps: Option<(&QuerySet, u32)>,
+) -> Result<SubmissionIndex, DeviceError> {
+    let uniforms =
+        all.iter().map(|launches| launches.uniforms(gpu, limits)).collect::<Result<Vec<_>, DeviceError>>()?;
+    gpu.guarded(0, || {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        for (n, (launches, uniforms)) in all.iter().zip(&uniforms).enumerate() {
+            launches.copies.iter().for_each(|copy| copy.encode(&mut encoder));
+            let (begins, ends) = (n == 0, n + 1 == all.len());
+            let stamps = stamps.filter(|_| begins || ends);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: None,
+                timestamp_writes: stamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: begins.then_some(first),
+                    end_of_pass_write_index: ends.then_some(first + 1),
+                }),
+            });
+            launches.encode(gpu, &mut pass, uniforms);
+        }
+        gpu.queue.submit([encoder.finish()])
+    })
+}
+
+/// The parameters and where each dispatch stands, in a buffer; the workgroups of each dispatch.
+struct Uniforms {
+    buffer: Buffer,
+    sizes: Vec<[u32; 2]>,
 }
 
 impl Launches<'_> {
-    /// Sends all pieces as one pass, between two time stamps where they are given.
-    pub(crate) fn run(
-        &self,
-        gpu: &Gpu,
-        pipeline: &Pipeline,
-        stamps: Option<(&QuerySet, u32)>,
-    ) -> Result<SubmissionIndex, DeviceError> {
-        let most = self.limits.max_compute_workgroups_per_dimension.max(1);
+    fn uniforms(&self, gpu: &Gpu, limits: &wgpu::Limits) -> Result<Uniforms, DeviceError> {
+        let most = limits.max_compute_workgroups_per_dimension.max(1);
         let params = self.params.len().next_multiple_of(UNIFORM);
         let mut uniforms = self.params.to_vec();
         let mut sizes = Vec::new();
@@ -62,35 +94,27 @@ impl Launches<'_> {
         }
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let buffer = gpu.buffer("parameters", uniforms.len() as u64, usage)?;
-        gpu.guarded(0, || {
-            gpu.queue.write_buffer(&buffer, 0, &uniforms);
-            let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: None,
-                timestamp_writes: stamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
-                    query_set,
-                    beginning_of_pass_write_index: Some(first),
-                    end_of_pass_write_index: Some(first + 1),
-                }),
-            });
-            pass.set_pipeline(&pipeline.compute);
-            let mut bound: Option<&Bound<'_>> = None;
-            for (n, ((shot, ..), &[x, y])) in self.dispatches().zip(&sizes).enumerate() {
-                let at = (params + n * UNIFORM) as u64;
-                pass.set_bind_group(0, &self.constants(gpu, pipeline, &buffer, at), &[]);
-                // Units of one piece see the same buffers.
-                if !bound.is_some_and(|bound| std::ptr::eq(bound, &shot.bound)) {
-                    for (group, bind) in (1..).zip(bind(gpu, pipeline, &shot.bound)) {
-                        pass.set_bind_group(group, &bind, &[]);
-                    }
-                    bound = Some(&shot.bound);
+        gpu.guarded(0, || gpu.queue.write_buffer(&buffer, 0, &uniforms))?;
+        Ok(Uniforms { buffer, sizes })
+    }
+
+    fn encode(&self, gpu: &Gpu, pass: &mut ComputePass<'_>, uniforms: &Uniforms) {
+        let params = self.params.len().next_multiple_of(UNIFORM);
+        pass.set_pipeline(&self.pipeline.compute);
+        let mut bound: Option<&Bound<'_>> = None;
+        for (n, ((shot, ..), &[x, y])) in self.dispatches().zip(&uniforms.sizes).enumerate() {
+            let at = (params + n * UNIFORM) as u64;
+            pass.set_bind_group(0, &self.constants(gpu, &uniforms.buffer, at), &[]);
+            // Units of one piece see the same buffers.
+            if !bound.is_some_and(|bound| std::ptr::eq(bound, &shot.bound)) {
+                for (group, bind) in (1..).zip(bind(gpu, self.pipeline, &shot.bound)) {
+                    pass.set_bind_group(group, &bind, &[]);
                 }
-                // Each dispatch sees what the ones before it wrote.
-                pass.dispatch_workgroups(x, y, 1);
+                bound = Some(&shot.bound);
             }
-            drop(pass);
-            gpu.queue.submit([encoder.finish()])
-        })
+            // Each dispatch sees what the ones before it wrote.
+            pass.dispatch_workgroups(x, y, 1);
+        }
     }
 
     /// The dispatches in order: the piece, its first unit, and its units or the items of the one.
@@ -105,12 +129,12 @@ impl Launches<'_> {
     }
 
     /// Parameters, where the dispatch stands, and the filter of fields that are filtered by the texture unit.
-    fn constants(&self, gpu: &Gpu, pipeline: &Pipeline, uniforms: &Buffer, launch_at: u64) -> BindGroup {
+    fn constants(&self, gpu: &Gpu, uniforms: &Buffer, launch_at: u64) -> BindGroup {
         let launch = (1, uniforms, launch_at, size_of::<Launch>() as u64);
         let mut entries = buffers(&[(0, uniforms, 0, self.params.len() as u64), launch]);
-        let sampler = pipeline.sampler.as_ref();
+        let sampler = self.pipeline.sampler.as_ref();
         entries.extend(sampler.map(|s| BindGroupEntry { binding: 2, resource: BindingResource::Sampler(s) }));
-        group(gpu, &pipeline.layouts[0], &entries)
+        group(gpu, &self.pipeline.layouts[0], &entries)
     }
 }
 

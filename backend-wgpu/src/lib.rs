@@ -6,6 +6,9 @@
 //! Buffers are storage buffers; fields are 3-D textures of 32-bit floats that kernels load and interpolate themselves,
 //! unless texture units are exact enough or asked for ([`Filter`]). What exceeds the adapter's limits is cut: fields into slabs of
 //! slices, each a texture, and dispatches into pieces whose part of every buffer fits a binding.
+//!
+//! Mesa's software driver gathers from storage textures alone, runs both sides of every condition, and is handed kernels that suit
+//! it: see decisions 0260 and 0261.
 
 mod adapter;
 mod atlas;
@@ -18,6 +21,7 @@ mod gpu;
 mod launch;
 mod loader;
 mod memory;
+mod part;
 mod pipeline;
 mod source;
 mod store;

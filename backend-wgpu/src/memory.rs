@@ -26,6 +26,13 @@ pub(crate) struct Memory {
     pub(crate) texels: Vec<Texels>,
 }
 
+impl Memory {
+    /// Books that it was written.
+    pub(crate) fn changed(&self) {
+        self.texels.iter().for_each(|texels| texels.fresh.set(false));
+    }
+}
+
 /// A field. Its layers lie one behind the other along z, and that axis is cut into slabs that fit a texture each. One in
 /// bricks has a texture of bricks, and beside it an index.
 #[derive(Debug)]

@@ -2,11 +2,12 @@
 //! where a dispatch stands on its work axis, and how WGSL declares buffers and the textures of fields.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use airlight_core::device::{FieldFormat, Helper, KernelElement, KernelFile, KernelLanguage, KernelScalar};
 use airlight_core::device::{KernelStruct, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::Stage;
+use airlight_core::stage::{Stage, SweepParams};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
 pub(crate) use reads::{TEXELS_ACROSS, words};
@@ -49,6 +50,17 @@ kernel_struct! {
 
 /// Number of a workgroup within its dispatch, which may be a plane of them.
 const NUMBER: &str = "fn number(id: vec3<u32>) -> u32 {\n    return id.y * launch.across + id.x;\n}\n";
+
+/// Quotient and rest of integers whose quotient is below 2²². Software drivers divide vectors of integers one by one, and
+/// floats at once: their quotient is at most one off.
+const DIVIDE: &str = "\
+fn divide(a: u32, b: u32) -> vec2<u32> {
+    let near = u32(f32(a) / f32(b));
+    let rest = i32(a - near * b);
+    let off = select(select(0, 1, rest >= i32(b)), -1, rest < 0);
+    return vec2<u32>(u32(i32(near) + off), u32(rest - off * i32(b)));
+}
+";
 
 macro_rules! file {
     ($name:literal) => {
@@ -95,6 +107,18 @@ impl Fetched {
     }
 }
 
+/// What a kernel is built for beside the shapes of its bindings.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Variant<'p> {
+    pub(crate) fetched: Fetched,
+    /// Whether texture units interpolate fields of one texture.
+    pub(crate) filtered: bool,
+    /// Of `sweep`: whether it adds moments, in place of finishing planes.
+    pub(crate) gathers: bool,
+    /// Parameters whose integers are known when it is built.
+    pub(crate) known: Option<&'p [u8]>,
+}
+
 /// The kernel of a stage.
 #[derive(Debug)]
 pub(crate) struct Source {
@@ -134,11 +158,12 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
-    /// The text for bindings of these shapes, of which `fetched` are storage textures; where `filtered`, texture units
-    /// interpolate fields of one texture.
-    pub(crate) fn text(&self, shapes: &[Shape], fetched: Fetched, filtered: bool) -> Text {
+    /// The text for bindings of these shapes.
+    pub(crate) fn text(&self, shapes: &[Shape], variant: Variant<'_>) -> Text {
+        let Variant { fetched, filtered, gathers, known } = variant;
         let structs = self.recipe.prelude(WGSL, shapes);
         let mut prelude = structs.clone() + &uniforms(self.recipe.params);
+        prelude += &WGSL.truth("GATHERS", gathers);
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
@@ -157,7 +182,8 @@ impl Source {
                 }
             };
         }
-        Text::new(WGSL, &prelude, &self.recipe, shapes, helper, self.file)
+        let text = Text::new(WGSL, &prelude, &self.recipe, shapes, helper, self.file);
+        specialised(text, &structs, self.recipe.params, known)
     }
 }
 
@@ -174,12 +200,33 @@ pub(crate) fn index_binding(index: usize) -> u32 {
     slab_binding(index, 1)
 }
 
+/// Where the integers of a kernel's parameters stand among their words; of none, those of `sources_toward`.
+pub(crate) fn integers(source: Option<&Source>) -> Vec<Range<usize>> {
+    let (structs, params) = match source {
+        Some(source) => (source.recipe.structs.iter().map(|text| text(WGSL)).collect(), source.recipe.params),
+        None => (SweepParams::text(WGSL), SweepParams::NAME),
+    };
+    reads::integers(&structs, params).into_iter().map(|(_, at)| at).collect()
+}
+
+/// A kernel's text, with the integers of its parameters as numbers where they are known. Lines stay where they are.
+fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&[u8]>) -> Text {
+    if let Some(known) = known {
+        let words: &[u32] = bytemuck::cast_slice(known);
+        let integers = reads::integers(structs, params);
+        let integers: Vec<_> = integers.into_iter().map(|(name, at)| (name, &words[at])).collect();
+        text.whole = reads::replaced(&text.whole, &integers);
+    }
+    text
+}
+
 /// The parameters, and where the dispatch stands.
 pub(crate) fn uniforms(params: &str) -> String {
     Launch::text(WGSL)
         + &format!("@group(0) @binding(0) var<uniform> params: {params};\n")
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
         + NUMBER
+        + DIVIDE
 }
 
 fn buffer(shape: &Shape, index: usize) -> String {
@@ -263,6 +310,23 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
     text.push("generated", &prelude);
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
     text
+}
+
+/// The kernel that sums, for bindings of these shapes, what cells scatter toward the directions of a batch of `sweep`.
+pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
+    let mut text = Text::default();
+    let structs = SweepParams::text(WGSL);
+    let mut prelude = structs.clone() + &uniforms(SweepParams::NAME);
+    for (index, shape) in shapes.iter().enumerate() {
+        prelude += &match shape.kind {
+            ShapeKind::Write => buffer(shape, index),
+            _ if variant.fetched.has(index) => reads::texels(shape, index, ""),
+            _ => reads::memory(shape, index),
+        };
+    }
+    text.push("generated", &prelude);
+    text.push("src/sources.wgsl", include_str!("sources.wgsl"));
+    specialised(text, &structs, SweepParams::NAME, variant.known)
 }
 
 mod bricks;

@@ -8,7 +8,7 @@ use wgpu::{Buffer, BufferUsages, TextureView};
 use crate::gpu::Gpu;
 use crate::memory::{Memory, Resource, Volume};
 use crate::source::{Fetched, Shape, ShapeKind, index_binding, slab_binding, words};
-use crate::texels::{self, Texels};
+use crate::texels::{self, Copy, Texels};
 
 /// The resources under their ids, and what stands where a stage runs without one.
 #[derive(Debug)]
@@ -149,9 +149,8 @@ impl Store {
         fetched
     }
 
-    /// Makes the copies that a stage reads what their buffers are.
-    pub(crate) fn copy(&mut self, gpu: &Gpu, bindings: &[Binding], fetched: Fetched) -> Result<(), DeviceError> {
-        let mut encoder = None;
+    /// Makes room for the copies that a stage reads.
+    pub(crate) fn reserve(&mut self, gpu: &Gpu, bindings: &[Binding], fetched: Fetched) -> Result<(), DeviceError> {
         for (_, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get_mut(&id)) else {
                 continue;
@@ -160,20 +159,31 @@ impl Store {
             if !memory.texels.iter().any(|texels| texels.of(words)) {
                 memory.texels.push(Texels::new(gpu, memory.bytes, words)?);
             }
-            let stale = |texels: &&Texels| texels.of(words) && !texels.fresh.get();
-            if let Some(texels) = memory.texels.iter().find(stale) {
-                let encoder = encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()));
-                texels.copy(encoder, &memory.buffer, memory.bytes);
-            }
         }
-        encoder.map_or(Ok(()), |encoder| gpu.guarded(0, || gpu.queue.submit([encoder.finish()])).map(drop))
+        Ok(())
     }
 
-    /// Books that a buffer was written.
-    pub(crate) fn wrote(&self, id: ResourceId) {
-        if let Some(Resource::Buffer(memory)) = self.resources.get(&id) {
-            memory.texels.iter().for_each(|texels| texels.fresh.set(false));
+    /// The copies that must be made before a stage reads them. They count as made.
+    pub(crate) fn stale(&self, bindings: &[Binding], fetched: Fetched) -> Vec<Copy<'_>> {
+        let mut copies = Vec::new();
+        for (_, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
+            let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get(&id)) else { continue };
+            let words = words(binding.element);
+            let stale = memory.texels.iter().filter(|texels| texels.of(words) && !texels.fresh.replace(true));
+            copies.extend(stale.map(|texels| Copy { buffer: &memory.buffer, bytes: memory.bytes, texels }));
         }
+        copies
+    }
+
+    /// Books that a stage writes what it binds to be written.
+    pub(crate) fn wrote(&self, bindings: &[Binding]) {
+        let written = bindings.iter().filter(|binding| matches!(binding.access, BindingAccess::Write(_)));
+        written.filter_map(|binding| self.buffer(binding.id?).ok()).for_each(Memory::changed);
+    }
+
+    /// Books that no copy of what a stage binds was made.
+    pub(crate) fn forget(&self, bindings: &[Binding]) {
+        bindings.iter().filter_map(|binding| self.buffer(binding.id?).ok()).for_each(Memory::changed);
     }
 
     /// What a stage binds where `window` gives offset and bytes of each buffer that is not `fetched`.

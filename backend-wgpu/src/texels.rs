@@ -18,7 +18,7 @@ pub(crate) struct Texels {
     texture: Texture,
     pub(crate) view: TextureView,
     words: u32,
-    /// Whether it holds what the buffer holds.
+    /// Whether it holds what the buffer holds, once what was sent is done.
     pub(crate) fresh: Cell<bool>,
 }
 
@@ -61,12 +61,22 @@ impl Texels {
     pub(crate) fn of(&self, words: u32) -> bool {
         self.words == words
     }
+}
 
-    /// Copies a buffer of so many bytes.
-    pub(crate) fn copy(&self, encoder: &mut CommandEncoder, buffer: &Buffer, bytes: u64) {
-        let texel = 4 * u64::from(self.words);
+/// A copy to be made of a buffer of so many bytes.
+#[derive(Debug)]
+pub(crate) struct Copy<'s> {
+    pub(crate) buffer: &'s Buffer,
+    pub(crate) bytes: u64,
+    pub(crate) texels: &'s Texels,
+}
+
+impl Copy<'_> {
+    pub(crate) fn encode(&self, encoder: &mut CommandEncoder) {
+        let Self { buffer, bytes, texels: Texels { texture, words, .. } } = self;
+        let texel = 4 * u64::from(*words);
         let texels = (bytes / texel).max(1);
-        let across = u64::from(self.texture.width());
+        let across = u64::from(texture.width());
         // Whole rows, then what is left.
         for (first, width, height) in [(0, across, texels / across), (texels - texels % across, texels % across, 1)] {
             if width == 0 || height == 0 {
@@ -75,7 +85,7 @@ impl Texels {
             let bytes_per_row = (height > 1).then_some((across * texel) as u32);
             let layout = TexelCopyBufferLayout { offset: first * texel, bytes_per_row, rows_per_image: None };
             let target = TexelCopyTextureInfo {
-                texture: &self.texture,
+                texture,
                 mip_level: 0,
                 origin: Origin3d { x: 0, y: (first / across) as u32, z: 0 },
                 aspect: TextureAspect::All,
@@ -83,7 +93,6 @@ impl Texels {
             let size = Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 };
             encoder.copy_buffer_to_texture(TexelCopyBufferInfo { buffer, layout }, target, size);
         }
-        self.fresh.set(true);
     }
 }
 

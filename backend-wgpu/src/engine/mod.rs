@@ -49,7 +49,7 @@ pub use crate::{Filter, WgpuDevice};
 use crate::adapter;
 use crate::cut::Cut;
 use crate::gpu::Gpu;
-use crate::launch::{Launches, Shot};
+use crate::launch::{self, Launches, Shot};
 use crate::pipeline::Pipeline;
 use crate::source::Fetched;
 use crate::store::Bound;
@@ -199,7 +199,6 @@ impl WgpuDevice {
         };
         let params = import_params(camera, drawn.depth.map(|(_, depth)| depth));
         let binding = Binding::write("surface", Some(to)).in_parts::<[f32; 4]>(1);
-        self.store.wrote(to.id);
         self.run_engine(&pipeline, bytemuck::bytes_of(&params), pixels, binding, &views)
     }
 
@@ -255,8 +254,10 @@ impl WgpuDevice {
             Ok(Shot { range: piece.range, first: piece.groups.start, bound })
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-        let launches = Launches { params, units: text::UNITS, sequential: None, shots, limits: &self.limits };
-        let sent = launches.run(&self.gpu, pipeline, None)?;
+        self.store.wrote(&bindings);
+        let copies = Vec::new();
+        let launches = Launches { pipeline, params, units: text::UNITS, sequential: None, copies, shots };
+        let sent = launch::send(&self.gpu, &self.limits, &[launches], None)?;
         self.gpu.sent("an engine's frame", sent);
         Ok(())
     }

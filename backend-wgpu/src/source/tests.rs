@@ -1,6 +1,6 @@
 //! What can be said of kernels without a device, by wgpu's own reader of WGSL.
 
-use airlight_core::device::KernelField;
+use airlight_core::device::{Binding, Buf, KernelField, ResourceId};
 use airlight_core::stage::{
     BlobRecord, InjectParams, LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples,
 };
@@ -27,7 +27,7 @@ fn packed(stage: &Stage, half: bool) -> Vec<Shape> {
 
 /// The text of a kernel that reads memory and sampled textures.
 fn text(stage: &Stage, slabs: u32) -> Text {
-    of(stage).text(&shapes(stage, slabs), Fetched::default(), false)
+    of(stage).text(&shapes(stage, slabs), Variant::default())
 }
 
 /// Reads and validates a kernel; faults name their file and line.
@@ -53,9 +53,18 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
             for slabs in [1, 2, MAX_SLABS] {
                 let shapes = shapes(stage, slabs);
                 let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
-                for (fetched, filtered) in [(Fetched::default(), false), (Fetched::default(), true), (all, false)] {
-                    if let Err(error) = module(&of(stage).text(&shapes, fetched, filtered)) {
-                        panic!("{} {full} {slabs} {fetched:?} {filtered}: {error}", stage.name());
+                let plain = Variant::default();
+                let ones = vec![1_u32; stage.params().len() / 4];
+                let known = Some(bytemuck::cast_slice(&ones));
+                let variants = [
+                    plain,
+                    Variant { filtered: true, ..plain },
+                    Variant { gathers: true, ..plain },
+                    Variant { fetched: all, known, ..plain },
+                ];
+                for variant in variants {
+                    if let Err(error) = module(&of(stage).text(&shapes, variant)) {
+                        panic!("{} {full} {slabs} {variant:?}: {error}", stage.name());
                     }
                 }
             }
@@ -66,13 +75,28 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
         for (half, fetched, filtered) in
             [(false, all, false), (false, Fetched::default(), false), (true, Fetched::default(), true)]
         {
-            if let Err(error) = module(&of(stage).text(&packed(stage, half), fetched, filtered)) {
+            if let Err(error) =
+                module(&of(stage).text(&packed(stage, half), Variant { fetched, filtered, ..Variant::default() }))
+            {
                 panic!("{} in bricks {half} {fetched:?} {filtered}: {error}", stage.name());
             }
         }
     }
     for format in [FieldFormat::Scalar, FieldFormat::Rgba] {
         assert_eq!(module(&publish_text(format)).err(), None);
+    }
+}
+
+#[test]
+fn sums_of_sources_are_a_kernel_from_memory_and_from_copies() {
+    let buffer = |id| Some(Buf::<f32>::new(ResourceId(id), 8));
+    let names = ["optics", "sources", "source_weights"].into_iter().zip(0..);
+    let mut bindings: Vec<_> = names.map(|(name, id)| Binding::read(name, buffer(id))).collect();
+    bindings.push(Binding::write("toward", buffer(3)));
+    let shapes: Vec<_> = bindings.iter().map(|binding| Shape::new(binding, 1)).collect();
+    for fetched in [Fetched::default(), (0..3).fold(Fetched::default(), Fetched::with)] {
+        let text = sources_text(&shapes, Variant { fetched, ..Variant::default() });
+        assert_eq!(module(&text).unwrap().entry_points[0].name, "sources_toward");
     }
 }
 
