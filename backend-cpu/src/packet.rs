@@ -58,6 +58,20 @@ macro_rules! triple {
 }
 pub(crate) use triple;
 
+/// The same expression for each of `N` packets, which start as a value.
+macro_rules! each {
+    ($n:ident in $count:expr, $start:expr => $value:expr) => {{
+        let mut out = [$start; $count];
+        let mut $n = 0;
+        while $n < $count {
+            out[$n] = $value;
+            $n += 1;
+        }
+        out
+    }};
+}
+pub(crate) use each;
+
 macro_rules! operator {
     ($trait:ident, $method:ident, $operation:ident) => {
         impl<S: Simd> $trait for F<S> {
@@ -181,30 +195,33 @@ impl<S: Simd> F<S> {
     /// e^x for x ≤ 0, to two units in the last place; e^-87 and below is about 1e-38.
     #[inline(always)]
     pub(crate) fn exp_negative(self) -> Self {
-        let (n, q) = (-self.max(Self::splat(-87.0))).decay_parts();
+        let [(n, q)] = decay_parts([-self.max(Self::splat(-87.0))]);
         n + n * q
-    }
-
-    /// 2ⁿ and q of e^-x = 2ⁿ (1 + q), for x from 0 to 87.
-    #[inline(always)]
-    pub(crate) fn decay_parts(self) -> (Self, Self) {
-        const LOG2_E: f32 = std::f32::consts::LOG2_E;
-        // ln 2 in two parts, the first exact in few bits so that n · first is exact.
-        const LN2_HI: f32 = 0.693_359_4;
-        const LN2_LO: f32 = -2.121_944_4e-4;
-        let n = (self * -LOG2_E + 0.5).floor();
-        let r = n * -LN2_HI - self - n * LN2_LO;
-        // Taylor's series to r⁷ over |r| ≤ ln 2 / 2 ends below 1e-8. In pairs, which wait less for each other.
-        let square = r * r;
-        let first = r * (1.0 / 6.0) + 0.5;
-        let second = r * (1.0 / 120.0) + 1.0 / 24.0;
-        let third = r * (1.0 / 5040.0) + 1.0 / 720.0;
-        let q = r + square * (first + square * (second + square * third));
-        (Self::of(S::power_of_two(n.to_int().0)), q)
     }
 }
 
+/// 2ⁿ and q of e^-x = 2ⁿ (1 + q), for x from 0 to 87, of several packets.
+#[inline(always)]
+pub(crate) fn decay_parts<S: Simd, const N: usize>(x: [F<S>; N]) -> [(F<S>, F<S>); N] {
+    const LOG2_E: f32 = std::f32::consts::LOG2_E;
+    // ln 2 in two parts, the first exact in few bits so that n · first is exact.
+    const LN2_HI: f32 = 0.693_359_4;
+    const LN2_LO: f32 = -2.121_944_4e-4;
+    let n = each!(i in N, F::ZERO => (x[i] * -LOG2_E + 0.5).floor());
+    let r = each!(i in N, F::ZERO => n[i] * -LN2_HI - x[i] - n[i] * LN2_LO);
+    // Taylor's series to r⁷ over |r| ≤ ln 2 / 2 ends below 1e-8. In pairs, which wait less for each other.
+    let square = each!(i in N, F::ZERO => r[i] * r[i]);
+    let first = each!(i in N, F::ZERO => r[i] * (1.0 / 6.0) + 0.5);
+    let second = each!(i in N, F::ZERO => r[i] * (1.0 / 120.0) + 1.0 / 24.0);
+    let third = each!(i in N, F::ZERO => r[i] * (1.0 / 5040.0) + 1.0 / 720.0);
+    let upper = each!(i in N, F::ZERO => second[i] + square[i] * third[i]);
+    let all = each!(i in N, F::ZERO => first[i] + square[i] * upper[i]);
+    each!(i in N, (F::ZERO, F::ZERO) => (F::of(S::power_of_two(n[i].to_int().0)), r[i] + square[i] * all[i]))
+}
+
 impl<S: Simd> I<S> {
+    pub(crate) const ZERO: Self = Self([0; LANES], PhantomData);
+
     /// A packet of these lanes.
     #[inline(always)]
     pub(crate) fn of(lanes: [i32; LANES]) -> Self {

@@ -3,7 +3,7 @@
 use airlight_core::device::{BrickLayout, FieldSpec, Layout};
 
 use crate::held::{Bricks, Held, Pairs};
-use crate::packet::{F, I, LANES, M, lerp, triple};
+use crate::packet::{F, I, LANES, M, each, lerp, triple};
 use crate::simd::Simd;
 
 /// Texels of four values in layers, which are fastest; looked up one point at a time.
@@ -262,35 +262,61 @@ impl<'a> Scalars<'a> {
     /// The value at each lane's point, where texel i lies at i: trilinear, x then y then z, indices clamped at the edge.
     #[inline(always)]
     pub(crate) fn sample<S: Simd>(&self, p: [F<S>; 3]) -> F<S> {
-        let q = triple!(a => self.within(p[a], a));
-        let lo = triple!(a => q[a].to_int());
-        let f = triple!(a => q[a] - lo[a].to_float());
-        let (near, dy, dz) = match &self.bricks {
+        let [value] = self.several([p]);
+        value
+    }
+
+    /// The values at several points of each lane. A processor that waits for one of them looks up the next.
+    #[inline(always)]
+    pub(crate) fn several<S: Simd, const N: usize>(&self, p: [[F<S>; 3]; N]) -> [F<S>; N] {
+        let q = each!(n in N, [F::ZERO; 3] => triple!(a => self.within(p[n][a], a)));
+        let lo = each!(n in N, [I::ZERO; 3] => triple!(a => q[n][a].to_int()));
+        let f = each!(n in N, [F::ZERO; 3] => triple!(a => q[n][a] - lo[n][a].to_float()));
+        let (near, hop) = match &self.bricks {
             None => {
                 let (row, slice) = (self.dims[0], self.dims[0] * self.dims[1]);
+                let near = each!(n in N, I::ZERO => {
+                    lo[n][0].plus(lo[n][1].times(row)).plus(lo[n][2].times(slice))
+                });
                 // To the next texel: none at the edge. Along x the one behind has no weight there.
-                let dy = lo[1].below(self.dims[1] - 1).choose(row);
-                let dz = lo[2].below(self.dims[2] - 1).choose(slice);
-                (lo[0].plus(lo[1].times(row)).plus(lo[2].times(slice)), dy, dz)
+                let hop = each!(n in N, [I::ZERO; 2] => {
+                    [
+                        lo[n][1].below(self.dims[1] - 1).choose(row),
+                        lo[n][2].below(self.dims[2] - 1).choose(slice),
+                    ]
+                });
+                (near, hop)
             }
             Some(bricks) => {
                 let side = BrickLayout::SIDE as i32;
-                (bricks.places(lo), I::splat(side), I::splat(side * side))
+                let near = each!(n in N, I::ZERO => bricks.places(lo[n]));
+                (near, [[I::splat(side), I::splat(side * side)]; N])
             }
         };
         match self.texels {
-            Held::Floats(texels) => self.between::<S, _>(texels, near, [dy, dz], f),
-            Held::Halves(texels) => self.between::<S, _>(texels, near, [dy, dz], f),
+            Held::Floats(texels) => self.between::<S, _, N>(texels, near, hop, f),
+            Held::Halves(texels) => self.between::<S, _, N>(texels, near, hop, f),
         }
     }
 
     /// Between the texel at `near`, the one behind it, and those a hop further along y and z.
     #[inline(always)]
-    fn between<S: Simd, T: Pairs>(&self, texels: T, near: I<S>, [dy, dz]: [I<S>; 2], f: [F<S>; 3]) -> F<S> {
-        let far = near.plus(dz);
-        let near = lerp(self.row(texels, near, f[0]), self.row(texels, near.plus(dy), f[0]), f[1]);
-        let far = lerp(self.row(texels, far, f[0]), self.row(texels, far.plus(dy), f[0]), f[1]);
-        lerp(near, far, f[2])
+    fn between<S: Simd, T: Pairs, const N: usize>(
+        &self,
+        texels: T,
+        near: [I<S>; N],
+        hop: [[I<S>; 2]; N],
+        f: [[F<S>; 3]; N],
+    ) -> [F<S>; N] {
+        let x = each!(n in N, F::ZERO => f[n][0]);
+        let beside = each!(n in N, I::ZERO => near[n].plus(hop[n][0]));
+        let (a, b) = (self.rows(texels, near, x), self.rows(texels, beside, x));
+        let front = each!(n in N, F::ZERO => lerp(a[n], b[n], f[n][1]));
+        let behind = each!(n in N, I::ZERO => near[n].plus(hop[n][1]));
+        let a = self.rows(texels, behind, x);
+        let b = self.rows(texels, each!(n in N, I::ZERO => behind[n].plus(hop[n][0])), x);
+        let back = each!(n in N, F::ZERO => lerp(a[n], b[n], f[n][1]));
+        each!(n in N, F::ZERO => lerp(front[n], back[n], f[n][2]))
     }
 
     /// The same at a single point.
@@ -318,12 +344,12 @@ impl<'a> Scalars<'a> {
 
     /// Between the texels at `at` and those behind them.
     #[inline(always)]
-    fn row<S: Simd, T: Pairs>(&self, texels: T, at: I<S>, f: F<S>) -> F<S> {
-        // SAFETY: offsets come from `sample` alone: each index is clamped to [0, dims - 1], also where the point is
+    fn rows<S: Simd, T: Pairs, const N: usize>(&self, texels: T, at: [I<S>; N], f: [F<S>; N]) -> [F<S>; N] {
+        // SAFETY: offsets come from `several` alone: each index is clamped to [0, dims - 1], also where the point is
         // not a number, steps stay within the texels or a brick that the index names, and `new` checked that there is one
         // more than there are texels.
         #[allow(unsafe_code)]
-        let [a, b] = unsafe { texels.two(at) };
-        lerp(a, b, f)
+        let pairs = each!(n in N, [F::ZERO; 2] => unsafe { texels.two(at[n]) });
+        each!(n in N, F::ZERO => lerp(pairs[n][0], pairs[n][1], f[n]))
     }
 }

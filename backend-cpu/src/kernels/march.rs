@@ -15,18 +15,20 @@ use super::mesh::{Mesh, line};
 use super::phase::{Phase, phase};
 use super::phong::{normal, phong};
 use super::sample::{Ahead, Occupancy, Ray};
-use super::segment::{decay, segment};
+use super::segment::{decays, segment};
 use super::sky::{Sky, sky};
 use crate::Isa;
 use crate::device::Memory;
 use crate::film::{Film, Pixels, SIDE, lanes_of, packets};
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, M, dot, each, lanes, triple};
 use crate::simd::{Floats, Simd};
 
 const BLOCK: usize = March::BLOCK as usize;
 /// Blocks along each side of what a task takes.
 const TILE: usize = 4;
+/// Steps whose density is looked up together, so that each waits less for its own.
+const TOGETHER: usize = 2;
 
 struct Inputs<'a> {
     p: &'a MarchParams,
@@ -320,82 +322,169 @@ impl<S: Simd> Path<S> {
     #[inline(always)]
     fn walk(&mut self, inputs: &Inputs<'_>, basis: &[F<S>; harmonics::MAX]) {
         let p = inputs.p;
-        let (last, cut) = (self.ray.steps.max_lane().min(p.step_end as f32), F::splat(p.cut));
-        let (mut k, mut ask) = (p.step_begin as f32, 0.0);
+        let last = self.ray.steps.max_lane().min(p.step_end as f32);
+        let mut k = p.step_begin as f32;
         while k < last {
-            let mut brightest = self.transmittance[0];
-            if !inputs.grey {
-                brightest = brightest.max(self.transmittance[1]).max(self.transmittance[2]);
-            }
-            // What is looked up waits for no transmittance: only what comes of it does.
-            let (within, open) = (F::splat(k).lt(self.ray.steps), brightest.ge(cut));
-            let active = within.and(open);
-            if !active.any() {
-                break;
-            }
-            let t = self.ray.middle(k);
-            if let Some(occupancy) = inputs.occupancy.filter(|_| k >= ask) {
-                match occupancy.skip::<S>(&self.ray, t, k, active) {
+            let mut until = last;
+            if let Some(occupancy) = inputs.occupancy {
+                let active = F::splat(k).lt(self.ray.steps).and(self.open(inputs));
+                if !active.any() {
+                    break;
+                }
+                match occupancy.skip::<S>(&self.ray, self.ray.middle(k), k, active) {
                     Ahead::Empty(next) => {
                         k = next;
                         continue;
                     }
-                    Ahead::Dense(until) => ask = until,
+                    Ahead::Dense(next) => until = next.min(last),
                 }
             }
-            let at = self.ray.along(t);
-            let Optics { extinction, scattering, emission } = optics::<S>(inputs, at, within);
-            let mut sent = emission;
-            if inputs.lit {
-                let dense = scattering[0].max(scattering[1]).max(scattering[2]).gt(F::ZERO).and(open);
-                if dense.any() {
-                    let mut light = [F::ZERO; 3];
-                    gathered(inputs, at, basis, dense, &mut light);
-                    scattered_light(inputs, at, basis, dense, &mut light);
-                    direct::<S>(inputs, at, self.direction, t, dense, &mut light);
-                    sent = if inputs.plain {
-                        triple!(c => light[c] * p.albedo[c])
-                    } else {
-                        triple!(c => scattering[c] * light[c] + emission[c])
-                    };
-                }
-            }
-            let (delta, shines) = (self.ray.step, inputs.lit || inputs.emits);
-            let share = if inputs.plain {
-                // What is scattered is a part of what is stopped.
-                let (e, lost) = decay(extinction[0] * delta);
-                let stops = open.select(self.transmittance[0] * lost, F::ZERO);
-                if inputs.lit {
-                    self.radiance = triple!(c => self.radiance[c] + stops * sent[c]);
-                }
-                self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
-                stops * 3.0
-            } else if inputs.grey {
-                // One channel serves all; the others are made from it at the end.
-                let (e, mean) = segment(extinction[0] * delta);
-                let reach = open.select(self.transmittance[0] * delta * mean, F::ZERO);
-                if shines {
-                    self.radiance = triple!(c => self.radiance[c] + reach * sent[c]);
-                }
-                self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
-                extinction[0] * reach * 3.0
-            } else {
-                let pieces = triple!(c => segment(extinction[c] * delta));
-                let reach = triple!(c => open.select(self.transmittance[c] * delta * pieces[c].1, F::ZERO));
-                if shines {
-                    self.radiance = triple!(c => self.radiance[c] + reach[c] * sent[c]);
-                }
-                self.transmittance =
-                    triple!(c => open.select(self.transmittance[c] * pieces[c].0, self.transmittance[c]));
-                extinction[0] * reach[0] + extinction[1] * reach[1] + extinction[2] * reach[2]
+            let next = match (inputs.plain, inputs.lit) {
+                (true, false) => self.plain::<false>(inputs, basis, k, until),
+                (true, true) => self.plain::<true>(inputs, basis, k, until),
+                (false, _) => self.colored(inputs, basis, k, until),
             };
-            self.stopped = self.stopped + share;
-            self.stopped_at = self.stopped_at + share * t;
-            k += 1.0;
+            if next < until {
+                break;
+            }
+            k = next;
         }
         if inputs.grey {
             self.transmittance = [self.transmittance[0]; 3];
         }
+    }
+
+    /// Steps from `k` until another, or less where nothing behind them is seen: the step behind. One channel serves all,
+    /// and what scatters, where it is `LIT`, is a part of what stops.
+    #[inline(always)]
+    fn plain<const LIT: bool>(
+        &mut self,
+        inputs: &Inputs<'_>,
+        basis: &[F<S>; harmonics::MAX],
+        mut k: f32,
+        until: f32,
+    ) -> f32 {
+        let p = inputs.p;
+        let thickness = self.ray.step * p.extinction[0];
+        // The last of those looked up together may lie behind what was asked of.
+        let steps = self.ray.steps.min(F::splat(p.step_end as f32));
+        while k < until {
+            // What is looked up waits for no transmittance: only what comes of it does.
+            if !F::splat(k).lt(steps).and(self.open(inputs)).any() {
+                break;
+            }
+            let t = each!(n in TOGETHER, F::ZERO => self.ray.middle(k + n as f32));
+            let at = each!(n in TOGETHER, [F::ZERO; 3] => self.ray.along(t[n]));
+            let density = inputs.density.several::<S, TOGETHER>(at);
+            let density = each!(n in TOGETHER, F::ZERO => F::splat(k + n as f32).lt(steps).select(density[n], F::ZERO));
+            let passed = decays(each!(n in TOGETHER, F::ZERO => density[n] * thickness));
+            for n in 0..TOGETHER {
+                let ((e, lost), open) = (passed[n], self.open(inputs));
+                let stops = open.select(self.transmittance[0] * lost, F::ZERO);
+                if LIT {
+                    let dense = density[n].gt(F::ZERO).and(open);
+                    if dense.any() {
+                        let light = self.light(inputs, at[n], basis, t[n], dense);
+                        self.radiance = triple!(c => self.radiance[c] + stops * (light[c] * p.albedo[c]));
+                    }
+                }
+                self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
+                self.stop(stops * 3.0, t[n]);
+            }
+            k += TOGETHER as f32;
+        }
+        k
+    }
+
+    /// The same where channels differ, what scatters is a field of its own, or the medium emits.
+    #[inline(always)]
+    fn colored(&mut self, inputs: &Inputs<'_>, basis: &[F<S>; harmonics::MAX], mut k: f32, until: f32) -> f32 {
+        while k < until {
+            let (within, open) = (F::splat(k).lt(self.ray.steps), self.open(inputs));
+            if !within.and(open).any() {
+                break;
+            }
+            let t = self.ray.middle(k);
+            let at = self.ray.along(t);
+            let stops = self.step(inputs, at, basis, t, within, open);
+            self.stop(stops, t);
+            k += 1.0;
+        }
+        k
+    }
+
+    /// Books light that is stopped, `t` metres along.
+    #[inline(always)]
+    fn stop(&mut self, light: F<S>, t: F<S>) {
+        self.stopped = self.stopped + light;
+        self.stopped_at = self.stopped_at + light * t;
+    }
+
+    /// Where the next step may still be seen.
+    #[inline(always)]
+    fn open(&self, inputs: &Inputs<'_>) -> M<S> {
+        let mut brightest = self.transmittance[0];
+        if !inputs.grey {
+            brightest = brightest.max(self.transmittance[1]).max(self.transmittance[2]);
+        }
+        brightest.ge(F::splat(inputs.p.cut))
+    }
+
+    /// A step through any medium: the light that it stops, of all channels.
+    #[inline(always)]
+    fn step(
+        &mut self,
+        inputs: &Inputs<'_>,
+        at: [F<S>; 3],
+        basis: &[F<S>; harmonics::MAX],
+        t: F<S>,
+        within: M<S>,
+        open: M<S>,
+    ) -> F<S> {
+        let Optics { extinction, scattering, emission } = optics::<S>(inputs, at, within);
+        let mut sent = emission;
+        if inputs.lit {
+            let dense = scattering[0].max(scattering[1]).max(scattering[2]).gt(F::ZERO).and(open);
+            if dense.any() {
+                let light = self.light(inputs, at, basis, t, dense);
+                sent = triple!(c => scattering[c] * light[c] + emission[c]);
+            }
+        }
+        let (delta, shines) = (self.ray.step, inputs.lit || inputs.emits);
+        if inputs.grey {
+            // One channel serves all; the others are made from it at the end.
+            let (e, mean) = segment(extinction[0] * delta);
+            let reach = open.select(self.transmittance[0] * delta * mean, F::ZERO);
+            if shines {
+                self.radiance = triple!(c => self.radiance[c] + reach * sent[c]);
+            }
+            self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
+            return extinction[0] * reach * 3.0;
+        }
+        let pieces = triple!(c => segment(extinction[c] * delta));
+        let reach = triple!(c => open.select(self.transmittance[c] * delta * pieces[c].1, F::ZERO));
+        if shines {
+            self.radiance = triple!(c => self.radiance[c] + reach[c] * sent[c]);
+        }
+        self.transmittance = triple!(c => open.select(self.transmittance[c] * pieces[c].0, self.transmittance[c]));
+        extinction[0] * reach[0] + extinction[1] * reach[1] + extinction[2] * reach[2]
+    }
+
+    /// J of the `dense` lanes, at `at` in index space and `t` metres along the ray.
+    #[inline(always)]
+    fn light(
+        &self,
+        inputs: &Inputs<'_>,
+        at: [F<S>; 3],
+        basis: &[F<S>; harmonics::MAX],
+        t: F<S>,
+        dense: M<S>,
+    ) -> [F<S>; 3] {
+        let mut light = [F::ZERO; 3];
+        gathered(inputs, at, basis, dense, &mut light);
+        scattered_light(inputs, at, basis, dense, &mut light);
+        direct::<S>(inputs, at, self.direction, t, dense, &mut light);
+        light
     }
 }
 

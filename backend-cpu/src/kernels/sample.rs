@@ -1,7 +1,7 @@
 //! Rays through the box of the medium.
 
 use super::field::Scalars;
-use crate::packet::{F, I, M, triple};
+use crate::packet::{F, I, M, each, triple};
 use crate::simd::Simd;
 
 /// Coarse maxima over blocks of voxels, for stepping over empty space.
@@ -116,24 +116,32 @@ impl<S: Simd> Ray<S> {
     /// The column of density along the ray, in units of density times metres.
     #[inline(always)]
     pub(crate) fn column(&self, density: Scalars<'_>, occupancy: Option<Occupancy<'_>>, lanes: M<S>) -> F<S> {
+        /// Lookups that wait less for each other.
+        const TOGETHER: usize = 2;
         let steps = lanes.select(self.steps, F::ZERO);
         let last = steps.max_lane();
         let mut sum = F::ZERO;
-        let (mut k, mut ask) = (0.0, 0.0);
+        let mut k = 0.0;
         while k < last {
-            let active = F::splat(k).lt(steps);
-            let t = self.middle(k);
-            if let Some(occupancy) = occupancy.filter(|_| k >= ask) {
-                match occupancy.skip::<S>(self, t, k, active) {
+            let mut until = last;
+            if let Some(occupancy) = occupancy {
+                match occupancy.skip::<S>(self, self.middle(k), k, F::splat(k).lt(steps)) {
                     Ahead::Empty(next) => {
                         k = next;
                         continue;
                     }
-                    Ahead::Dense(until) => ask = until,
+                    Ahead::Dense(next) => until = next.min(last),
                 }
             }
-            sum = active.select(sum + density.sample::<S>(self.along(t)), sum);
-            k += 1.0;
+            // The last one of them may lie behind what was asked of.
+            while k < until {
+                let at = each!(n in TOGETHER, [F::ZERO; 3] => self.along(self.middle(k + n as f32)));
+                let density = density.several::<S, TOGETHER>(at);
+                for n in 0..TOGETHER {
+                    sum = F::splat(k + n as f32).lt(steps).select(sum + density[n], sum);
+                }
+                k += TOGETHER as f32;
+            }
         }
         sum * self.step
     }

@@ -1,6 +1,6 @@
 //! Light along a short piece of a ray.
 
-use crate::packet::F;
+use crate::packet::{F, decay_parts, each};
 use crate::simd::Simd;
 
 /// e^-τ, and the mean of e^-s over s from 0 to τ: (1 - e^-τ)/τ, which nears 1 where τ is small.
@@ -14,10 +14,17 @@ pub(crate) fn segment<S: Simd>(tau: F<S>) -> (F<S>, F<S>) {
 /// e^-τ and 1 - e^-τ for τ ≥ 0, both to a few units in the last place.
 #[inline(always)]
 pub(crate) fn decay<S: Simd>(tau: F<S>) -> (F<S>, F<S>) {
+    let [both] = decays([tau]);
+    both
+}
+
+/// The same of several packets.
+#[inline(always)]
+pub(crate) fn decays<S: Simd, const N: usize>(tau: [F<S>; N]) -> [(F<S>, F<S>); N] {
     // e^-τ is 2ⁿ (1 + q): without the sum of 1 and q nothing of a small τ is lost.
-    let (n, q) = tau.min(F::splat(87.0)).decay_parts();
-    let part = n * q;
-    (n + part, F::ONE - n - part)
+    let parts = decay_parts(each!(n in N, F::ZERO => tau[n].min(F::splat(87.0))));
+    let q = each!(n in N, F::ZERO => parts[n].0 * parts[n].1);
+    each!(n in N, (F::ZERO, F::ZERO) => (parts[n].0 + q[n], F::ONE - parts[n].0 - q[n]))
 }
 
 #[cfg(test)]

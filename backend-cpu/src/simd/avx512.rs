@@ -198,10 +198,19 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     unsafe fn two(memory: &[f32], at: Ints) -> [Floats; 2] {
+        // Both floats of a lane by one load of eight bytes.
+        const FIRST: [i32; 16] = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30];
+        const SECOND: [i32; 16] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31];
         // SAFETY: the offsets are the caller's.
         unsafe {
-            let (first, at) = (memory.as_ptr(), i(at));
-            [from(_mm512_i32gather_ps::<4>(at, first)), from(_mm512_i32gather_ps::<4>(at, first.add(1)))]
+            let (first, at) = (memory.as_ptr().cast(), i(at));
+            let low = _mm512_i32gather_pd::<4>(_mm512_castsi512_si256(at), first);
+            let high = _mm512_i32gather_pd::<4>(_mm512_extracti64x4_epi64::<1>(at), first);
+            let (low, high) = (_mm512_castpd_ps(low), _mm512_castpd_ps(high));
+            [
+                from(_mm512_permutex2var_ps(low, i(FIRST), high)),
+                from(_mm512_permutex2var_ps(low, i(SECOND), high)),
+            ]
         }
     }
 
