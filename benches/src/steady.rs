@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use airlight::Renderer;
 use airlight::device::DeviceError;
 use airlight::exec::{ExecError, Hooks, Progress, RenderError, Rendered};
+use airlight::metric::difference;
 use airlight::scene::{Precompute, Scene};
 use airlight::transfer::TransferError;
 
@@ -29,6 +30,7 @@ pub struct Frames {
     change: Change,
     number: u32,
     part: Option<Part>,
+    full: Option<Box<Scene>>,
 }
 
 /// What of a frame is timed, where it is not all of it.
@@ -42,7 +44,12 @@ pub(crate) struct Part {
 
 impl Frames {
     pub(crate) fn new(scene: Scene, change: impl FnMut(&mut Scene, u32) + Send + 'static) -> Self {
-        Self { scene, change: Box::new(change), number: 0, part: None }
+        Self { scene, change: Box::new(change), number: 0, part: None, full: None }
+    }
+
+    /// The same frames, of which the first is held against the picture of another scene.
+    pub(crate) fn beside(self, full: Scene) -> Self {
+        Self { full: Some(Box::new(full)), ..self }
     }
 
     /// The same frames, of which only a part is timed.
@@ -96,6 +103,8 @@ pub enum Outcome {
         timing: Timing,
         /// The stages that the last frame ran, in order; none of a transfer that is made.
         stages: Vec<&'static str>,
+        /// How far the first frame is from a picture that saves nothing: relative L2. None where none is saved.
+        error: Option<f64>,
     },
     /// It was left out, for this reason: it would take too long, or more memory than there is.
     Skipped(String),
@@ -128,9 +137,13 @@ pub fn measure(renderer: &mut Renderer, work: Work, name: &str, limit: Duration)
 /// Renders the first frame, which prepares, and times those after it.
 fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Duration) -> Outcome {
     let first = limit.saturating_mul(PREPARING);
-    if let Err(error) = within(first, |hooks| renderer.render_with(&frames.scene, hooks)) {
-        return given_up(error, "preparing", first);
-    }
+    let mut prepared = |scene: &Scene| within(first, |hooks| renderer.render_with(scene, hooks));
+    let full = frames.full.take().map(|full| prepared(&full)).transpose();
+    let (full, quick) = match full.and_then(|full| Ok((full, prepared(&frames.scene)?))) {
+        Ok(pictures) => pictures,
+        Err(error) => return given_up(error, "preparing", first),
+    };
+    let error = full.map(|full| difference(&quick.film.beauty, &full.film.beauty).relative_l2);
     let begin = Instant::now();
     let camera = &frames.scene.camera;
     let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
@@ -149,7 +162,7 @@ fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Durati
             Err(error) => return given_up(error, "a frame", limit),
         }
     }
-    Outcome::Measured { timing: Timing::new(name, runs, pixels), stages }
+    Outcome::Measured { timing: Timing::new(name, runs, pixels), stages, error }
 }
 
 /// Surveys the medium, which uploads it, and makes the transfer.
@@ -175,7 +188,7 @@ fn make(renderer: &mut Renderer, making: &Making, name: &str, limit: Duration) -
             Err(error) => return given_up(error, "making it", limit),
         }
     }
-    Outcome::Measured { timing: Timing::new(name, runs, None), stages: Vec::new() }
+    Outcome::Measured { timing: Timing::new(name, runs, None), stages: Vec::new(), error: None }
 }
 
 /// Why there is no figure.

@@ -207,10 +207,7 @@ impl Simd for Avx512 {
             let low = _mm512_i32gather_pd::<4>(_mm512_castsi512_si256(at), first);
             let high = _mm512_i32gather_pd::<4>(_mm512_extracti64x4_epi64::<1>(at), first);
             let (low, high) = (_mm512_castpd_ps(low), _mm512_castpd_ps(high));
-            [
-                from(_mm512_permutex2var_ps(low, i(FIRST), high)),
-                from(_mm512_permutex2var_ps(low, i(SECOND), high)),
-            ]
+            [from(_mm512_permutex2var_ps(low, i(FIRST), high)), from(_mm512_permutex2var_ps(low, i(SECOND), high))]
         }
     }
 

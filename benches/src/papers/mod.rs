@@ -213,7 +213,7 @@ mod tests {
         let mut table = transfer::table_1(32);
         table.rows.truncate(1);
         measure(&table, cpu, Duration::from_secs(600), |entry| {
-            let Outcome::Measured { timing, stages } = entry.outcome else { panic!("{:?}", entry.outcome) };
+            let Outcome::Measured { timing, stages, .. } = entry.outcome else { panic!("{:?}", entry.outcome) };
             assert!(!timing.median.is_zero() && stages.is_empty(), "{timing:?} {stages:?}");
         });
         measure(&table, cpu, Duration::ZERO, |entry| {
@@ -250,7 +250,7 @@ mod tests {
             outcomes
         };
         for outcome in measured(&cpu, Duration::from_secs(600)) {
-            let Outcome::Measured { timing, stages } = outcome else { panic!("{outcome:?}") };
+            let Outcome::Measured { timing, stages, .. } = outcome else { panic!("{outcome:?}") };
             assert!(timing.runs >= steady::FEWEST && stages.ends_with(&["march"]), "{timing:?} {stages:?}");
         }
         for outcome in measured(&cpu, Duration::ZERO) {

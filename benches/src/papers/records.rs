@@ -5,7 +5,8 @@ use std::sync::Arc;
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::media::{Medium, Optics};
 use airlight::scene::{
-    Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Records, Scene, Solver,
+    Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Precision, Quality, Records, Scene,
+    Solver,
 };
 
 use super::{FRAMES, Form, Row, Table, Unit};
@@ -39,11 +40,41 @@ impl Dynamic {
         }
     }
 
-    fn stages(self) -> Vec<&'static str> {
+    fn stages(self, form: Form, saving: Saving) -> Vec<&'static str> {
+        let mut stages = match (self, form) {
+            (Self::Records, Form::Ours) => vec!["coarsen", "sweep", "relight", "march"],
+            (Self::Records, Form::Published) => vec!["project", "relight", "march"],
+            (Self::Light, _) => vec!["relight", "march"],
+            (Self::Eye, _) => vec!["march"],
+        };
+        if saving == Saving::Some {
+            stages.push("upsample");
+        }
+        stages
+    }
+}
+
+/// Whether the picture saves work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Saving {
+    /// Every pixel is marched in steps of a voxel through 32-bit floats.
+    None,
+    /// One of four pixels is, in steps of two voxels through 16-bit floats.
+    Some,
+}
+
+impl Saving {
+    fn name(self) -> &'static str {
         match self {
-            Self::Records => vec!["project", "relight", "march"],
-            Self::Light => vec!["relight", "march"],
-            Self::Eye => vec!["march"],
+            Self::None => "whole",
+            Self::Some => "saving",
+        }
+    }
+
+    fn quality(self) -> Quality {
+        match self {
+            Self::None => Quality::default(),
+            Self::Some => Quality { step: 2.0, scale: 2, density: Precision::F16, ..Quality::default() },
         }
     }
 }
@@ -53,7 +84,7 @@ pub(super) fn table_1(small: u32) -> Table {
     let volume = Arc::new(Volume::new(UVec3::splat(512 / small)));
     let mut rows = Vec::new();
     for (cells, figure) in [(10u32, 28.0), (50, 10.7), (100, 3.81)] {
-        for dynamic in Dynamic::ALL {
+        for (saving, dynamic) in [Saving::None, Saving::Some].into_iter().flat_map(|s| Dynamic::ALL.map(|d| (s, d))) {
             let paper = match dynamic {
                 Dynamic::Records => Some(figure),
                 Dynamic::Light => None,
@@ -62,14 +93,20 @@ pub(super) fn table_1(small: u32) -> Table {
             let volume = volume.clone();
             let frames = move |form| {
                 let optics = Optics::grey(EXTINCTION, 0.9);
-                moving(lit(volume.clone(), optics, published(cells.div_ceil(small), form), small), dynamic)
+                let mut records = published(cells.div_ceil(small), form);
+                if form == Form::Ours {
+                    records.solver = Solver::Sweep;
+                }
+                let whole = lit(volume.clone(), optics, records, small);
+                let frames = moving(Scene { quality: saving.quality(), ..whole.clone() }, dynamic);
+                if saving == Saving::Some { frames.beside(whole) } else { frames }
             };
             rows.push(Row {
-                at: vec![cells.to_string(), dynamic.name().into()],
+                at: vec![cells.to_string(), dynamic.name().into(), saving.name().into()],
                 unit: Unit::FramesPerSecond,
                 paper,
                 work: Box::new(move |form| Work::Frames(frames(form))),
-                stages: Box::new(move |_| dynamic.stages()),
+                stages: Box::new(move |form| dynamic.stages(form, saving)),
             });
         }
     }
@@ -81,10 +118,12 @@ pub(super) fn table_1(small: u32) -> Table {
         ours: "A volume of our own of 512³ voxels, a third of them not empty, seen whole; 48 directions, content \
                `transmittance`, view steps of a voxel. The paper's dynamic light evaluates the records in every frame, its \
                static light once; here a new light needs no new records, so that the medium's extinction changes too where \
-               they shall be made anew. No volume is uploaded between frames. *Ours* is trilinear records and exact \
-               elimination, *published* the nearest record and 3³ probes.",
+               they shall be made anew. No volume is uploaded between frames. *Ours* is trilinear records of all cells by \
+               sweeps, *published* the nearest record by marches from cells that 3³ probes find not empty. *Saving* is one \
+               ray for 2 × 2 pixels, steps of two voxels and densities in 16-bit floats, with the relative L2 of its first \
+               picture to the whole one's.",
         figures: FRAMES,
-        axes: &["cells a side", "dynamic"],
+        axes: &["cells a side", "dynamic", "picture"],
         rows,
     }
 }

@@ -148,11 +148,12 @@ impl Measured<'_> {
                 "runs": 0,
                 "frames_per_second": null,
                 "stages": null,
+                "error": null,
                 "skipped": null,
                 "fault": null,
             });
             match outcome {
-                Outcome::Measured { timing, stages } => {
+                Outcome::Measured { timing, stages, error } => {
                     entry["seconds"] = json!(timing.median.as_secs_f64());
                     if unit == Unit::FramesPerSecond {
                         entry["frames_per_second"] = output::number(unit.of(timing.median));
@@ -161,6 +162,7 @@ impl Measured<'_> {
                     entry["slowest"] = json!(timing.slowest.as_secs_f64());
                     entry["runs"] = json!(timing.runs);
                     entry["stages"] = json!(stages);
+                    entry["error"] = json!(error);
                 }
                 Outcome::Skipped(why) => entry["skipped"] = json!(why),
                 Outcome::Failed(why) => entry["fault"] = json!(why),
@@ -189,6 +191,9 @@ impl Measured<'_> {
 /// A figure, or the number of the note that says why there is none.
 fn cell(outcome: &Outcome, unit: Unit, notes: &mut Vec<String>) -> String {
     match outcome {
+        Outcome::Measured { timing, error: Some(error), .. } => {
+            format!("{} ({:.2} %)", figures(unit.of(timing.median)), 100.0 * error)
+        }
         Outcome::Measured { timing, .. } => figures(unit.of(timing.median)),
         Outcome::Skipped(why) => format!("skipped ({})", note(why, notes)),
         Outcome::Failed(why) => format!("failed ({})", note(why, notes)),
