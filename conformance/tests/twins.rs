@@ -24,6 +24,8 @@ const CHECKED: &str = "checks a slice once, so that lookups need not";
 const LANES: &str = "carries between memory and the lanes of packets";
 const PLANE: &str =
     "a direction keeps its last two planes in the cache, with a border, so that packets load without asking";
+const BLOCKS: &str = "a block of pixels reads those of the small film once";
+const TOGETHER: &str = "several lookups or exponentials of a packet, which wait less for each other";
 const GROUPS: &str = "lanes whose lookups fall between the same texels are looked up together";
 const SLICE: &str = "a slice is handed to the helper instead";
 
@@ -45,6 +47,10 @@ const CPU: Backend = Backend {
         ("mesh", "leaf", "a range of triangles, which loops elsewhere write out"),
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
         ("upsample", "run", MEMORY),
+        ("upsample", "new", BLOCKS),
+        ("upsample", "span", BLOCKS),
+        ("upsample", "nearest", "what is rare stays out of the way of what is not"),
+        ("upsample", "sums_of", BLOCKS),
         ("accumulate", "run", MEMORY),
         ("classify", "run", MEMORY),
         ("coarsen", "run", MEMORY),
@@ -77,6 +83,14 @@ const CPU: Backend = Backend {
         ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
         ("sample", "new", CHECKED),
         ("field", "new", CHECKED),
+        ("field", "several", TOGETHER),
+        ("segment", "decays", TOGETHER),
+        ("march", "plain", "a medium of one channel has a loop of its own"),
+        ("march", "stop", "books of a lane are kept in more than one place"),
+        ("march", "open", "lanes are asked in more than one place"),
+        ("march", "step", "a medium of one channel has a loop of its own"),
+        ("march", "light", "a medium of one channel has a loop of its own"),
+        ("march", "colored", "a medium of one channel has a loop of its own"),
         ("segment", "decay", "packets do without a quotient where they can"),
         ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
@@ -95,6 +109,10 @@ const CPU: Backend = Backend {
         ("field", "between", GROUPS),
     ],
     lacks: &[
+        ("upsample", "small", BLOCKS),
+        ("upsample", "first", BLOCKS),
+        ("upsample", "stands", BLOCKS),
+        ("upsample", "held", BLOCKS),
         ("field", "nearest", GROUPS),
         ("phase", "phase_value", SLICE),
         ("phase", "phase_size", SLICE),

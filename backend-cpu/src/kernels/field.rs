@@ -310,11 +310,11 @@ impl<'a> Scalars<'a> {
     ) -> [F<S>; N] {
         let x = each!(n in N, F::ZERO => f[n][0]);
         let beside = each!(n in N, I::ZERO => near[n].plus(hop[n][0]));
-        let (a, b) = (self.rows(texels, near, x), self.rows(texels, beside, x));
+        let (a, b) = (self.row(texels, near, x), self.row(texels, beside, x));
         let front = each!(n in N, F::ZERO => lerp(a[n], b[n], f[n][1]));
         let behind = each!(n in N, I::ZERO => near[n].plus(hop[n][1]));
-        let a = self.rows(texels, behind, x);
-        let b = self.rows(texels, each!(n in N, I::ZERO => behind[n].plus(hop[n][0])), x);
+        let a = self.row(texels, behind, x);
+        let b = self.row(texels, each!(n in N, I::ZERO => behind[n].plus(hop[n][0])), x);
         let back = each!(n in N, F::ZERO => lerp(a[n], b[n], f[n][1]));
         each!(n in N, F::ZERO => lerp(front[n], back[n], f[n][2]))
     }
@@ -344,7 +344,7 @@ impl<'a> Scalars<'a> {
 
     /// Between the texels at `at` and those behind them.
     #[inline(always)]
-    fn rows<S: Simd, T: Pairs, const N: usize>(&self, texels: T, at: [I<S>; N], f: [F<S>; N]) -> [F<S>; N] {
+    fn row<S: Simd, T: Pairs, const N: usize>(&self, texels: T, at: [I<S>; N], f: [F<S>; N]) -> [F<S>; N] {
         // SAFETY: offsets come from `several` alone: each index is clamped to [0, dims - 1], also where the point is
         // not a number, steps stay within the texels or a brick that the index names, and `new` checked that there is one
         // more than there are texels.

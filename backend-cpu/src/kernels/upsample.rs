@@ -39,17 +39,35 @@ struct Small<'a> {
     film: &'a [Pixel],
 }
 
+/// What is summed over pixels of a small film: radiance, transmittance, light stopped, and the same weighed with its
+/// distance.
+type Sums = [f32; 8];
+
 /// Sums over pixels of a small film.
 #[derive(Default)]
 struct Medium {
-    radiance: [f32; 3],
-    transmittance: [f32; 3],
-    /// Light stopped, and the same weighed with its distance.
-    stopped: f32,
-    stopped_at: f32,
+    sums: Sums,
     weight: f32,
     /// How much of the nearest pixels, by their bilinear weights, was marched.
     marched: f32,
+}
+
+/// Where the pixels of a block fall among those of a small film, along one side.
+struct Side {
+    /// The pixel of the small film at or before each, or the first one, and the one behind it.
+    pairs: [[u32; 2]; BLOCK],
+    /// How far each is on its way between them.
+    parts: [f32; BLOCK],
+}
+
+/// The pixels of a small film that a block looks at.
+struct Patch<'a> {
+    small: Small<'a>,
+    sides: [Side; 2],
+    /// Of the rows of pixels from the first on, as far as they are looked at.
+    sums: [[Sums; BLOCK + 2]; BLOCK + 2],
+    /// How far their surfaces are.
+    distances: [[f32; BLOCK + 2]; BLOCK + 2],
 }
 
 pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
@@ -79,122 +97,168 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
     let across = width.div_ceil(BLOCK);
     film[..width * height].par_chunks_mut(BLOCK * width).enumerate().for_each(|(row, film)| {
         for column in (0..across).filter(|x| range.contains(&((row * across + x) as u32))) {
-            for part in 0..BLOCK / ROWS {
-                let corner = [column * BLOCK, row * BLOCK + part * ROWS];
-                let mut pixels = [[[0.0; 4]; 2]; LANES];
-                let out = &mut pixels;
-                compiled_for!(isa, upsample<S>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]));
-                let lines = film.chunks_exact_mut(width).skip(part * ROWS);
-                for (line, found) in lines.zip(pixels.chunks_exact(BLOCK)) {
-                    let line = &mut line[corner[0]..];
-                    let count = line.len().min(BLOCK);
-                    line[..count].copy_from_slice(&found[..count]);
-                }
+            let corner = [column * BLOCK, row * BLOCK];
+            let mut pixels = [[[0.0; 4]; 2]; BLOCK * BLOCK];
+            let out = &mut pixels;
+            compiled_for!(isa, upsample<S>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; BLOCK * BLOCK]));
+            for (line, found) in film.chunks_exact_mut(width).zip(pixels.chunks_exact(BLOCK)) {
+                let line = &mut line[corner[0]..];
+                let count = line.len().min(BLOCK);
+                line[..count].copy_from_slice(&found[..count]);
             }
         }
     });
     Ok(())
 }
 
-/// Sixteen pixels from `corner` on, in rows of a block's width. Those past the picture's edge are as its last.
+/// The pixels of a block from `corner` on, row by row. Those past the picture's edge are as its last.
 #[inline(always)]
-fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; LANES]) {
+fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; BLOCK * BLOCK]) {
     let p = inputs.p;
-    let (width, height) = (p.full_width as usize, p.full_height as usize);
-    let x: [usize; LANES] = lanes!(i => (corner[0] + i % BLOCK).min(width - 1));
-    let y: [usize; LANES] = lanes!(i => (corner[1] + i / BLOCK).min(height - 1));
-    let behind = behind::<S>(inputs, x, y);
-    for i in 0..LANES {
-        let distance = seen(inputs, x[i], y[i], 0)[3].min(FAR);
-        let mut found = Medium::default();
-        if !inputs.rims.is_empty() {
-            found = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale / 2, inputs.rims), distance);
+    let size = [p.full_width as usize, p.full_height as usize];
+    let at = |a: usize, n: usize| (corner[a] + n).min(size[a] - 1);
+    let whole = Patch::new(p, p.scale, inputs.medium, corner);
+    let rims = (!inputs.rims.is_empty()).then(|| Patch::new(p, p.scale / 2, inputs.rims, corner));
+    for (part, out) in out.chunks_exact_mut(LANES).enumerate() {
+        let x: [usize; LANES] = lanes!(i => at(0, i % BLOCK));
+        let y: [usize; LANES] = lanes!(i => at(1, part * ROWS + i / BLOCK));
+        let behind = behind::<S>(inputs, x, y);
+        for i in 0..LANES {
+            let distance = seen(inputs, x[i], y[i], 0)[3].min(FAR);
+            let (place, full) = ([i % BLOCK, part * ROWS + i / BLOCK], [x[i] as u32, y[i] as u32]);
+            let mut found = Medium::default();
+            if let Some(rims) = &rims {
+                found = rims.around(inputs, place, full, distance);
+            }
+            if found.marched < 1.0 {
+                found = mixed(found, whole.around(inputs, place, full, distance));
+            }
+            let [r, g, b, tr, tg, tb, stopped, stopped_at] = found.sums;
+            let through = [tr / found.weight, tg / found.weight, tb / found.weight];
+            let light = [r / found.weight, g / found.weight, b / found.weight];
+            let color = triple!(c => light[c] + through[c] * behind[c].0[i]);
+            let depth = if stopped > 0.0 { stopped_at / stopped } else { f32::INFINITY };
+            let mean = (through[0] + through[1] + through[2]) * (1.0 / 3.0);
+            out[i] = [[color[0], color[1], color[2], 1.0 - mean], [through[0], through[1], through[2], depth]];
         }
-        if found.marched < 1.0 {
-            let whole = around(inputs, [x[i] as u32, y[i] as u32], small(p, p.scale, inputs.medium), distance);
-            found = mixed(found, whole);
-        }
-        let through = triple!(c => found.transmittance[c] / found.weight);
-        let color = triple!(c => found.radiance[c] / found.weight + through[c] * behind[c].0[i]);
-        let depth = if found.stopped > 0.0 { found.stopped_at / found.stopped } else { f32::INFINITY };
-        let mean = (through[0] + through[1] + through[2]) * (1.0 / 3.0);
-        out[i] = [[color[0], color[1], color[2], 1.0 - mean], [through[0], through[1], through[2], depth]];
     }
 }
 
-/// A film of so many pixels of the picture along each side of one of its own.
-fn small<'a>(p: &UpsampleParams, scale: u32, film: &'a [Pixel]) -> Small<'a> {
-    Small { scale, width: p.full_width.div_ceil(scale), height: p.full_height.div_ceil(scale), film }
-}
-
 /// As much of one film as was marched of it, and the rest of another.
+#[inline(always)]
 fn mixed(fine: Medium, whole: Medium) -> Medium {
     if fine.marched == 0.0 {
         return whole;
     }
     let (a, b) = (fine.marched / fine.weight, (1.0 - fine.marched) / whole.weight);
-    Medium {
-        radiance: triple!(c => a * fine.radiance[c] + b * whole.radiance[c]),
-        transmittance: triple!(c => a * fine.transmittance[c] + b * whole.transmittance[c]),
-        stopped: a * fine.stopped + b * whole.stopped,
-        stopped_at: a * fine.stopped_at + b * whole.stopped_at,
-        weight: 1.0,
-        marched: 1.0,
+    let mut sums = fine.sums;
+    for (sum, whole) in sums.iter_mut().zip(whole.sums) {
+        *sum = a * *sum + b * whole;
+    }
+    Medium { sums, weight: 1.0, marched: 1.0 }
+}
+
+impl Side {
+    /// Of the pixels from `begin` on among `size`, in a film of `small` pixels.
+    #[inline(always)]
+    fn new(scale: u32, small: u32, begin: usize, size: u32) -> Self {
+        let stands = |n: u32| (n * scale + scale / 2).min(size - 1);
+        let mut side = Self { pairs: [[0; 2]; BLOCK], parts: [0.0; BLOCK] };
+        for n in 0..BLOCK {
+            let full = (begin + n).min(size as usize - 1) as u32;
+            let first = full.saturating_sub(scale / 2) / scale;
+            let next = (first + 1).min(small - 1);
+            side.pairs[n] = [first, next];
+            side.parts[n] = part(full, stands(first), stands(next));
+        }
+        side
+    }
+
+    /// The first pixel that is looked at, and how many are.
+    #[inline(always)]
+    fn span(&self) -> (u32, usize) {
+        let first = self.pairs[0][0];
+        (first, (self.pairs[BLOCK - 1][1] - first) as usize + 1)
     }
 }
 
-/// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
-fn around(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, distance: f32) -> Medium {
-    let p = inputs.p;
-    let (x0, y0) = (first(small, x), first(small, y));
-    let (x1, y1) = ((x0 + 1).min(small.width - 1), (y0 + 1).min(small.height - 1));
-    let fx = part(x, stands(small, x0, p.full_width), stands(small, x1, p.full_width));
-    let fy = part(y, stands(small, y0, p.full_height), stands(small, y1, p.full_height));
-    let mut sum = Medium::default();
-    for (sx, sy, share) in
-        [(x0, y0, (1.0 - fx) * (1.0 - fy)), (x1, y0, fx * (1.0 - fy)), (x0, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)]
-    {
-        let [[.., other], _] = held(small, sx, sy);
-        if other < 0.0 {
-            continue;
+impl<'a> Patch<'a> {
+    /// Of a film of so many pixels of the picture along each side of one of its own, for the block from `corner` on.
+    #[inline(always)]
+    fn new(p: &UpsampleParams, scale: u32, film: &'a [Pixel], corner: [usize; 2]) -> Self {
+        let (width, height) = (p.full_width.div_ceil(scale), p.full_height.div_ceil(scale));
+        let small = Small { scale, width, height, film };
+        let sides =
+            [Side::new(scale, width, corner[0], p.full_width), Side::new(scale, height, corner[1], p.full_height)];
+        let [(x, across), (y, down)] = [sides[0].span(), sides[1].span()];
+        let mut sums = [[[0.0; 8]; BLOCK + 2]; BLOCK + 2];
+        let mut distances = [[0.0; BLOCK + 2]; BLOCK + 2];
+        for j in 0..down {
+            let line = &film[((y as usize + j) * width as usize + x as usize)..][..across];
+            for (i, pixel) in line.iter().enumerate() {
+                (sums[j][i], distances[j][i]) = (sums_of(pixel), pixel[0][3]);
+            }
         }
-        sum.marched += share;
-        add(&mut sum, small, sx, sy, share * fit(distance, other) * alike(inputs, [x, y], small, [sx, sy]));
+        Self { small, sides, sums, distances }
     }
-    if sum.marched == 0.0 || sum.weight >= Upsample::FIT {
-        return sum;
+
+    /// The medium in a pixel of the block, which is `full` of the picture and whose surface is so far away; nothing where
+    /// none of the nearest pixels was marched.
+    #[inline(always)]
+    fn around(&self, inputs: &Inputs<'_>, [x, y]: [usize; 2], full: [u32; 2], distance: f32) -> Medium {
+        let [([x0, x1], fx), ([y0, y1], fy)] =
+            [(self.sides[0].pairs[x], self.sides[0].parts[x]), (self.sides[1].pairs[y], self.sides[1].parts[y])];
+        let mut sum = Medium::default();
+        for (sx, sy, share) in
+            [(x0, y0, (1.0 - fx) * (1.0 - fy)), (x1, y0, fx * (1.0 - fy)), (x0, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)]
+        {
+            let (i, j) = ((sx - self.sides[0].pairs[0][0]) as usize, (sy - self.sides[1].pairs[0][0]) as usize);
+            let other = self.distances[j][i];
+            if other < 0.0 {
+                continue;
+            }
+            sum.marched += share;
+            let fits = if inputs.surface.is_empty() {
+                1.0
+            } else {
+                fit(distance, other) * alike(inputs, full, self.small, [sx, sy])
+            };
+            sum.add(&self.sums[j][i], share * fits);
+        }
+        if sum.marched == 0.0 || sum.weight >= Upsample::FIT {
+            return sum;
+        }
+        Medium { marched: sum.marched, ..nearest(self.small, [x0, y0], distance) }
     }
+}
+
+/// Of the sixteen pixels around, the one whose surface is nearest to that of a pixel.
+#[inline(never)]
+fn nearest(small: Small<'_>, [x0, y0]: [u32; 2], distance: f32) -> Medium {
+    let held = |sx: u32, sy: u32| &small.film[(sy * small.width + sx) as usize];
     let (mut least, mut at) = (FAR, [x0, y0]);
     for i in 0..16 {
         let sx = ((x0 + i % 4).max(1) - 1).min(small.width - 1);
         let sy = ((y0 + i / 4).max(1) - 1).min(small.height - 1);
-        let [[.., other], _] = held(small, sx, sy);
+        let other = held(sx, sy)[0][3];
         let apart = (1.0 / distance.max(1e-6) - 1.0 / other.max(1e-6)).abs();
         if other >= 0.0 && apart < least {
             (least, at) = (apart, [sx, sy]);
         }
     }
-    sum = Medium { marched: sum.marched, ..Medium::default() };
-    add(&mut sum, small, at[0], at[1], 1.0);
+    let mut sum = Medium::default();
+    sum.add(&sums_of(held(at[0], at[1])), 1.0);
     sum
 }
 
-/// The pixel of a small film at or before pixel `n` of the full picture, along one side; the first one before it.
-fn first(small: Small<'_>, n: u32) -> u32 {
-    n.saturating_sub(small.scale / 2) / small.scale
-}
-
-/// Where pixel `n` of a small film stands among `size` pixels.
-fn stands(small: Small<'_>, n: u32, size: u32) -> u32 {
-    (n * small.scale + small.scale / 2).min(size - 1)
-}
-
 /// How far `n` is on its way from `a` to `b`.
+#[inline(always)]
 fn part(n: u32, a: u32, b: u32) -> f32 {
     if n <= a || b <= a { 0.0 } else { (n - a) as f32 / (b - a) as f32 }
 }
 
 /// How well surfaces of two distances fit.
+#[inline(always)]
 fn fit(a: f32, b: f32) -> f32 {
     let nearer = 1.0 - a.min(b) / a.max(b).max(1e-30);
     (2.0 - nearer / Upsample::NEAR).clamp(0.0, 1.0)
@@ -203,7 +267,8 @@ fn fit(a: f32, b: f32) -> f32 {
 /// How well the normals in a pixel and in one of a small film fit.
 fn alike(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, [sx, sy]: [u32; 2]) -> f32 {
     let (p, width) = (inputs.p, inputs.p.full_width);
-    let (fx, fy) = (stands(small, sx, width), stands(small, sy, p.full_height));
+    let stands = |n: u32, size: u32| (n * small.scale + small.scale / 2).min(size - 1);
+    let (fx, fy) = (stands(sx, width), stands(sy, p.full_height));
     let at = [y * width + x, fy * width + fx].map(|at| inputs.normals.get(at as usize * p.normals_each as usize));
     let [Some(here), Some(there)] = at else { return 1.0 };
     let cosine = |a: &[f32; 4], b: &[f32; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -214,22 +279,26 @@ fn alike(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, [sx, sy]: [u32
     ((cosine - Upsample::COSINE) / (1.0 - Upsample::COSINE)).clamp(0.0, 1.0)
 }
 
-/// A pixel of a small film.
-fn held(small: Small<'_>, sx: u32, sy: u32) -> Pixel {
-    small.film[(sy * small.width + sx) as usize]
+impl Medium {
+    /// Adds a pixel of a small film.
+    #[inline(always)]
+    fn add(&mut self, sums: &Sums, weight: f32) {
+        for (sum, more) in self.sums.iter_mut().zip(sums) {
+            *sum += weight * more;
+        }
+        self.weight += weight;
+    }
 }
 
-/// Adds a pixel of a small film.
-fn add(sum: &mut Medium, small: Small<'_>, sx: u32, sy: u32, weight: f32) {
-    let [light, through] = held(small, sx, sy);
-    sum.radiance = triple!(c => sum.radiance[c] + weight * light[c]);
-    sum.transmittance = triple!(c => sum.transmittance[c] + weight * through[c]);
-    sum.weight += weight;
+/// What a pixel of a small film adds to sums.
+#[inline(always)]
+fn sums_of([light, through]: &Pixel) -> Sums {
+    let (mut stopped, mut stopped_at) = (0.0, 0.0);
     if through[3] < FAR {
-        let stopped = weight * (1.0 - (through[0] + through[1] + through[2]) * (1.0 / 3.0)).max(1e-9);
-        sum.stopped += stopped;
-        sum.stopped_at += stopped * through[3];
+        stopped = (1.0 - (through[0] + through[1] + through[2]) * (1.0 / 3.0)).max(1e-9);
+        stopped_at = stopped * through[3];
     }
+    [light[0], light[1], light[2], through[0], through[1], through[2], stopped, stopped_at]
 }
 
 /// The mean radiance behind the medium over the sub-pixel positions of pixels.
