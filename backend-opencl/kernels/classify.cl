@@ -28,7 +28,7 @@ void run_classify(const Bound *bound) {
     int marked[WIDTH];
     unpack(filled(first, slice), marked);
     int3 size = convert_int3(dims.xyz);
-    F value = texels_values(bound, as_signed(place % dims.x), as_signed(place / dims.x), (I)((int)z), size, 0);
+    F value = texels_values(bound, place_values(bound, as_signed(place % dims.x), as_signed(place / dims.x), (I)((int)z), size, 0));
     Control p = point(bound, value);
     size_t out = (size_t)z * slice + first;
     if (dims.w < CLASSIFY_COLOR) {

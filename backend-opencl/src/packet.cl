@@ -6,6 +6,9 @@
 #define PASTE(a, b) a##b
 #define OF_WIDTH(name, width) PASTE(name, width)
 
+// Of what loops of packets call at each turn: a call would carry packets through memory, and leave none in a register.
+#define INLINE __attribute__((always_inline))
+
 #if WIDTH == 1
 
 typedef float F;
@@ -23,14 +26,18 @@ typedef float3 F3;
 #define any_lane(m) (m)
 #define largest_lane(v) (v)
 #define smallest_lane(v) (v)
+#define largest_index(v) (v)
 // What memory holds at each lane's index.
 #define fetch(from, i) ((from)[i])
 #define fetch_uint(from, i) ((from)[i])
 #define as_index(v) ((uint)(v))
 #define as_signed(v) ((int)(v))
+#define as_float_lanes(v) as_float(v)
+#define as_int_lanes(v) as_int(v)
 // The lanes side by side in memory, and back.
 #define unpack(v, to) ((to)[0] = (v))
 #define pack(from) ((from)[0])
+#define floored(v) floor(v)
 // e^x for x <= 0.
 #define exp_negative(x) exp(x)
 // A work-item's number among those of its workgroup, how many they are, and where they wait for each other.
@@ -63,13 +70,23 @@ typedef struct {
 #define to_uint(v) OF_WIDTH(convert_uint, WIDTH)(v)
 #define as_index(v) OF_WIDTH(as_uint, WIDTH)(v)
 #define as_signed(v) OF_WIDTH(as_int, WIDTH)(v)
-#define fetch(from, i) LANES_OF(F, from, i)
-#define fetch_uint(from, i) LANES_OF(U, from, i)
+#define as_float_lanes(v) OF_WIDTH(as_float, WIDTH)(v)
+#define as_int_lanes(v) OF_WIDTH(as_int, WIDTH)(v)
+#define fetch(from, i) LANES_OF(F, __global const float *, from, i)
+#define fetch_uint(from, i) LANES_OF(U, __global const uint *, from, i)
+#define fetch_ushort(from, i) LANES_OF(U, __global const ushort *, (__global const ushort *)(from), i)
 #define MEMBER 0u
 #define MEMBERS 1u
 #define TEAM_MEETS
 #define unpack(v, to) OF_WIDTH(vstore, WIDTH)(v, 0, to)
 #define pack(from) OF_WIDTH(vload, WIDTH)(0, from)
+
+// Two numbers that lie side by side, which need not lie as a number of their size must.
+typedef ulong Floats __attribute__((aligned(4)));
+typedef uint Halves __attribute__((aligned(2)));
+#define AT(pointer, from, i) (*(pointer)((from) + (i)))
+// The halves at each lane's index and behind it, as bits.
+#define fetch_halves(from, i) LANES_OF(U, __global const Halves *, (__global const ushort *)(from), i)
 
 F3 f3(F x, F y, F z) {
     F3 v = {x, y, z};
@@ -79,9 +96,9 @@ F3 f3(F x, F y, F z) {
 #if WIDTH == 8
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7))
-#define LANES_OF(kind, from, i)                                                                                      \
-    ((kind)((from)[(i).s0], (from)[(i).s1], (from)[(i).s2], (from)[(i).s3], (from)[(i).s4], (from)[(i).s5],              \
-         (from)[(i).s6], (from)[(i).s7]))
+#define LANES_OF(kind, pointer, from, i)                                                                              \
+    ((kind)(AT(pointer, from, (i).s0), AT(pointer, from, (i).s1), AT(pointer, from, (i).s2), AT(pointer, from, (i).s3),   \
+            AT(pointer, from, (i).s4), AT(pointer, from, (i).s5), AT(pointer, from, (i).s6), AT(pointer, from, (i).s7)))
 
 int any_lane(M m) {
     int4 four = m.lo | m.hi;
@@ -95,13 +112,20 @@ float largest_lane(F v) {
     return two.x > two.y ? two.x : two.y;
 }
 
+int largest_index(I v) {
+    int4 four = v.lo > v.hi ? v.lo : v.hi;
+    int2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
 #else
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-#define LANES_OF(kind, from, i)                                                                                      \
-    ((kind)((from)[(i).s0], (from)[(i).s1], (from)[(i).s2], (from)[(i).s3], (from)[(i).s4], (from)[(i).s5],              \
-         (from)[(i).s6], (from)[(i).s7], (from)[(i).s8], (from)[(i).s9], (from)[(i).sa], (from)[(i).sb],              \
-         (from)[(i).sc], (from)[(i).sd], (from)[(i).se], (from)[(i).sf]))
+#define LANES_OF(kind, pointer, from, i)                                                                              \
+    ((kind)(AT(pointer, from, (i).s0), AT(pointer, from, (i).s1), AT(pointer, from, (i).s2), AT(pointer, from, (i).s3),   \
+            AT(pointer, from, (i).s4), AT(pointer, from, (i).s5), AT(pointer, from, (i).s6), AT(pointer, from, (i).s7),   \
+            AT(pointer, from, (i).s8), AT(pointer, from, (i).s9), AT(pointer, from, (i).sa), AT(pointer, from, (i).sb),   \
+            AT(pointer, from, (i).sc), AT(pointer, from, (i).sd), AT(pointer, from, (i).se), AT(pointer, from, (i).sf)))
 
 int any_lane(M m) {
     int8 eight = m.lo | m.hi;
@@ -117,27 +141,21 @@ float largest_lane(F v) {
     return two.x > two.y ? two.x : two.y;
 }
 
+int largest_index(I v) {
+    int8 eight = v.lo > v.hi ? v.lo : v.hi;
+    int4 four = eight.lo > eight.hi ? eight.lo : eight.hi;
+    int2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
 #endif
 
 #define smallest_lane(v) (-largest_lane(-(v)))
 
-// e^x for x <= 0, to two units in the last place; e^-87 and below is about 1e-38. The language's own is a call a lane.
-F exp_negative(F x) {
-    x = x > (F)(-87.0f) ? x : (F)(-87.0f);
-    x = x < (F)(0.0f) ? x : (F)(0.0f);
-    F n = floor(x * 1.44269504f + 0.5f);
-    // ln 2 in two parts, the first exact in few bits so that n times it is exact.
-    F r = x - n * 0.693359375f - n * -2.12194440e-4f;
-    // Taylor's series to r^7 over |r| <= ln 2 / 2 ends below 1e-8.
-    F p = (F)(1.0f / 5040.0f);
-    p = p * r + 1.0f / 720.0f;
-    p = p * r + 1.0f / 120.0f;
-    p = p * r + 1.0f / 24.0f;
-    p = p * r + 1.0f / 6.0f;
-    p = p * r + 0.5f;
-    p = p * r + 1.0f;
-    p = p * r + 1.0f;
-    return p * OF_WIDTH(as_float, WIDTH)((to_int(n) + 127) << 23);
+// Rounded down, of what an integer holds. The language's own takes a dozen operations for what one does not.
+INLINE F floored(F v) {
+    F n = to_float(to_int(v));
+    return n > v ? n - 1.0f : n;
 }
 
 #endif
@@ -157,6 +175,77 @@ F exp_negative(F x) {
 #define FLOAT_float4 convert_float
 #define COLORED_float 0
 #define COLORED_float4 1
+
+// Where texels lie: in which of a field's slabs, and at which place in it.
+typedef struct {
+    I slab;
+    I place;
+} TEXEL_float;
+typedef struct {
+    int slab;
+    int place;
+} TEXEL_float4;
+
+// A texel and the next along x.
+typedef struct {
+    F near;
+    F far;
+} PAIR_float;
+typedef struct {
+    float4 near;
+    float4 far;
+} PAIR_float4;
+
+// 2^n and q of e^-x = 2^n (1 + q), for x from 0 to 87.
+INLINE F2 decay_parts(F x) {
+    // 1.5 times 2^23: a sum with it is rounded to an integer, which is its last bits.
+    F shifted = x * -1.44269504f + 12582912.0f;
+    F n = shifted - 12582912.0f;
+    // ln 2 in two parts, the first exact in few bits so that n times it is exact.
+    F r = n * -0.693359375f - x - n * -2.12194440e-4f;
+    // Taylor's series to r^7 over |r| <= ln 2 / 2 ends below 1e-8. In pairs, which wait less for each other.
+    F square = r * r;
+    F first = r * (1.0f / 6.0f) + 0.5f;
+    F second = r * (1.0f / 120.0f) + 1.0f / 24.0f;
+    F third = r * (1.0f / 5040.0f) + 1.0f / 720.0f;
+    F2 parts;
+    parts.x = as_float_lanes((as_int_lanes(shifted) + 127) << 23);
+    parts.y = r + square * (first + square * (second + square * third));
+    return parts;
+}
+
+#if WIDTH > 1
+
+// e^x for x <= 0, to two units in the last place; e^-87 and below is about 1e-38. The language's own is a call a lane.
+INLINE F exp_negative(F x) {
+    F2 parts = decay_parts(-(x > (F)(-87.0f) ? x : (F)(-87.0f)));
+    return parts.x + parts.x * parts.y;
+}
+
+// A half's bits in the places of a float's are 2^112 times smaller. The language's own may be a call a lane.
+INLINE F from_half(U bits) {
+    return as_float_lanes((bits & 0x8000u) << 16 | (bits & 0x7fffu) << 13) * 0x1p112f;
+}
+
+// The floats at each lane's index and behind it, by one load a lane.
+#define FLOATS_AT(n) (*(__global const Floats *)(from + i.n))
+INLINE PAIR_float fetch_pair(__global const float *from, I i) {
+    float16 first = as_float16((ulong8)(FLOATS_AT(s0), FLOATS_AT(s1), FLOATS_AT(s2), FLOATS_AT(s3), FLOATS_AT(s4), FLOATS_AT(s5),
+                                        FLOATS_AT(s6), FLOATS_AT(s7)));
+    PAIR_float pair;
+#if WIDTH == 8
+    pair.near = first.even;
+    pair.far = first.odd;
+#else
+    float16 second = as_float16((ulong8)(FLOATS_AT(s8), FLOATS_AT(s9), FLOATS_AT(sa), FLOATS_AT(sb), FLOATS_AT(sc),
+                                         FLOATS_AT(sd), FLOATS_AT(se), FLOATS_AT(sf)));
+    pair.near = (F)(first.even, second.even);
+    pair.far = (F)(first.odd, second.odd);
+#endif
+    return pair;
+}
+
+#endif
 
 // Number of a packet's first element within its dispatch.
 size_t number(void) {

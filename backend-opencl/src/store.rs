@@ -17,6 +17,9 @@ pub(crate) enum Resource {
     Field(Volume),
 }
 
+/// Bytes behind the last texel of a slab: what is beside it has no weight, but is read with it.
+pub(crate) const ROOM: u64 = 4;
+
 /// A buffer and the bytes that were asked for, which it may exceed.
 #[derive(Debug)]
 pub(crate) struct Memory {
@@ -110,7 +113,7 @@ impl Volume {
             let (what, limit) = ("a field", slabs.per_slab as u64 * slice as u64 * u64::from(MAX_SLABS));
             return Err(DeviceError::Limit { what, requested: spec.bytes(), limit });
         }
-        let bytes = |slab| slabs.range(slab).len() as u64 * spec.slice_bytes();
+        let bytes = |slab| slabs.range(slab).len() as u64 * spec.slice_bytes() + ROOM;
         let parts = (0..slabs.count()).map(|slab| cl.zeros(bytes(slab)));
         let parts = parts.collect::<Result<_, DeviceError>>()?;
         Ok(Self { spec, slabs, index: None, parts })
