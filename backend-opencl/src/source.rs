@@ -133,7 +133,15 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
         Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),
         Stage::Path(_) => (file!("path.cl"), scalars(1)),
-        Stage::Evaluate(_) => (file!("evaluate.cl"), scalars(1)),
+        Stage::Evaluate(evaluate) => (
+            file!("evaluate.cl"),
+            match lanes {
+                Lanes::One => scalars(1),
+                Lanes::Eight | Lanes::Sixteen if evaluate.params.folded == 1 => ((1, 1), wide),
+                // Rows of an item.
+                Lanes::Eight | Lanes::Sixteen => ((1, EVALUATE_ROWS), wide),
+            },
+        ),
         Stage::Reconstruct(_) => (file!("reconstruct.cl"), scalars(1)),
         Stage::Photons(_) => (file!("photons.cl"), scalars(1)),
         Stage::Classify(_) => (file!("classify.cl"), packets(Classify::PACK)),
@@ -157,6 +165,9 @@ pub(crate) struct Dispatch {
 
 /// Work-items of a team where each is a lane.
 const TEAM: u32 = 256;
+
+/// Rows that a work-item of `evaluate` goes through together, as its kernel says.
+const EVALUATE_ROWS: u32 = 4;
 
 /// Coefficients that a work-item of `sweep` adds up, as its kernel says.
 const SWEEP_TAKEN: u32 = 4;
@@ -260,8 +271,8 @@ impl Source {
         let _ = writeln!(out, "#define WIDTH {}\n{}", self.width, PACKET);
         let params = self.recipe.params;
         let _ = writeln!(out, "typedef struct {{\n    {params} params;\n    Launch launch;\n}} Constants;");
-        let _ = writeln!(out, "typedef struct {{\n    __constant const {params} *params;");
-        let _ = writeln!(out, "    __constant const Launch *launch;");
+        let _ = writeln!(out, "typedef struct {{\n    const {params} *params;");
+        let _ = writeln!(out, "    const Launch *launch;");
         for (kind, name) in shapes.iter().flat_map(members) {
             let _ = writeln!(out, "    {kind}{name};");
         }
@@ -295,8 +306,8 @@ impl Source {
         }
         let (name, entry) = (self.name, entry_point(self.name));
         format!(
-            "__kernel void {entry}(__constant const Constants *constants{arguments}) {{\n    Bound bound;\n    \
-             bound.params = &constants->params;\n    bound.launch = &constants->launch;\n{filled}    \
+            "__kernel void {entry}(const Constants constants{arguments}) {{\n    Bound bound;\n    \
+             bound.params = &constants.params;\n    bound.launch = &constants.launch;\n{filled}    \
              run_{name}(&bound);\n}}\n"
         )
     }

@@ -57,7 +57,7 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
             let (source, shapes) = (of(stage, Lanes::One), shapes(stage, 2, true));
             let text = source.text(&shapes);
             let mut taken = arguments(&text, source.name).into_iter();
-            assert_eq!(taken.next(), Some("__constant const Constants *constants"));
+            assert_eq!(taken.next(), Some("const Constants constants"));
             for shape in shapes.iter().filter(|shape| shape.present) {
                 let name = shape.name;
                 let expected = match shape.kind {
