@@ -40,17 +40,26 @@ INLINE Optics optics(const Bound *bound, F3 at, int3 size, M active);
 
 // Two vectors of each lane's pixel, of the film or of the paths under way.
 void store(__global float4 *to, U pixel, M kept, F3 color, F fourth, F3 transmitted, F eighth) {
-    __global float *out = (__global float *)to;
+    float values[8 * WIDTH];
+    uint at[WIDTH];
     int marked[WIDTH];
+    unpack(color.x, values);
+    unpack(color.y, values + WIDTH);
+    unpack(color.z, values + 2 * WIDTH);
+    unpack(fourth, values + 3 * WIDTH);
+    unpack(transmitted.x, values + 4 * WIDTH);
+    unpack(transmitted.y, values + 5 * WIDTH);
+    unpack(transmitted.z, values + 6 * WIDTH);
+    unpack(eighth, values + 7 * WIDTH);
+    unpack(pixel, at);
     unpack(kept, marked);
-    put(color.x, out, 8u * pixel, marked);
-    put(color.y, out, 8u * pixel + 1u, marked);
-    put(color.z, out, 8u * pixel + 2u, marked);
-    put(fourth, out, 8u * pixel + 3u, marked);
-    put(transmitted.x, out, 8u * pixel + 4u, marked);
-    put(transmitted.y, out, 8u * pixel + 5u, marked);
-    put(transmitted.z, out, 8u * pixel + 6u, marked);
-    put(eighth, out, 8u * pixel + 7u, marked);
+    for (uint i = 0u; i < WIDTH; i++) {
+        if (marked[i]) {
+            const float *v = values + i;
+            to[2u * at[i]] = (float4)(v[0], v[WIDTH], v[2 * WIDTH], v[3 * WIDTH]);
+            to[2u * at[i] + 1u] = (float4)(v[4 * WIDTH], v[5 * WIDTH], v[6 * WIDTH], v[7 * WIDTH]);
+        }
+    }
 }
 
 // Columns or rows of the full picture.

@@ -276,6 +276,32 @@ void put(F v, __global float *to, U index, const int *marked) {
     }
 }
 
+// Stores the first `count` lanes, one behind the other.
+void put_row(F v, __global float *to, uint count) {
+    if (count == WIDTH) {
+        unpack(v, to);
+        return;
+    }
+    float values[WIDTH];
+    unpack(v, values);
+    for (uint i = 0u; i < count; i++) {
+        to[i] = values[i];
+    }
+}
+
+// Stores the first `count` lanes as four floats each, the last of them zero.
+void put_colors(F3 v, __global float *to, uint count) {
+    float x[WIDTH];
+    float y[WIDTH];
+    float z[WIDTH];
+    unpack(v.x, x);
+    unpack(v.y, y);
+    unpack(v.z, z);
+    for (uint i = 0u; i < count; i++) {
+        vstore4((float4)(x[i], y[i], z[i], 0.0f), i, to);
+    }
+}
+
 // Adds them to what is there.
 void add_to(F v, __global float *to, U index, const int *marked) {
     float values[WIDTH];

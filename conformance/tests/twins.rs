@@ -138,6 +138,7 @@ const OPENCL: Backend = Backend {
         ("field", "between", GROUPS),
         ("segment", "decay", "packets do without a quotient where they can"),
         ("march", "cells_at", "an expression elsewhere"),
+        ("classify", "mixed", "a closure, or an operation on vectors, elsewhere"),
         ("trace", "places", LANES),
         ("march", "store", LANES),
         ("march", "load", LANES),
