@@ -149,7 +149,7 @@ const OPENCL: Backend = Backend {
         ("sweep", "corner", PLANE),
         ("sweep", "load", PLANE),
         ("sweep", "enter", PLANE),
-        ("sweep", "border", PLANE),
+        ("sweep", "lay", PLANE),
         ("sweep", "between", PLANE),
     ],
     lacks: &[("field", "nearest", GROUPS)],
