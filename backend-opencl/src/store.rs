@@ -54,6 +54,11 @@ impl Scratch {
         let made = self.mem.as_ref().map(|(mem, _)| mem);
         made.ok_or_else(|| DeviceError::Invalid("there is no scratch memory".into()))
     }
+
+    /// Bytes that it has.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.mem.as_ref().map_or(0, |(_, bytes)| *bytes)
+    }
 }
 
 /// The resources under their ids.
@@ -196,6 +201,11 @@ impl Store {
     /// Drops a resource, if it exists. OpenCL frees it when no work needs it any more.
     pub(crate) fn remove(&mut self, id: ResourceId) {
         self.resources.remove(&id);
+    }
+
+    /// Bytes of all resources.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.resources.values().map(|resource| resource.spec().bytes()).sum()
     }
 
     /// A resource.

@@ -84,6 +84,19 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
 }
 
 #[test]
+fn arguments_take_no_more_than_every_device_passes() {
+    // What OpenCL 1.2 promises of CL_DEVICE_MAX_PARAMETER_SIZE.
+    const MOST: usize = 1024;
+    for stage in &examples(true) {
+        let source = of(stage, Lanes::One);
+        let text = source.text(&shapes(stage, 1, true));
+        let sizes = arguments(&text, source.name).into_iter().skip(1).map(|a| if a.contains('*') { 8 } else { 4 });
+        let bytes = stage.params().len() + size_of::<Launch>() + sizes.sum::<usize>();
+        assert!(bytes <= MOST, "{}: {bytes} bytes", source.name);
+    }
+}
+
+#[test]
 fn fields_in_bricks_take_an_index_and_the_number_of_constants() {
     let stage = &examples(true)[0];
     let text = of(stage, Lanes::One).text(&packed(stage, 2, true));
