@@ -222,9 +222,10 @@ INLINE F exp_negative(F x) {
     return parts.x + parts.x * parts.y;
 }
 
-// A half's bits in the places of a float's are 2^112 times smaller. The language's own may be a call a lane.
-INLINE F from_half(U bits) {
-    return as_float_lanes((bits & 0x8000u) << 16 | (bits & 0x7fffu) << 13) * 0x1p112f;
+// What the upper halves of words are. A half's bits in the places of a float's are 2^112 times smaller; the language's own may be a
+// call a lane.
+INLINE F from_half(U words) {
+    return as_float_lanes(as_signed(words) >> 3 & (int)0x8fffe000u) * 0x1p112f;
 }
 
 // The floats at each lane's index and behind it, by one load a lane.

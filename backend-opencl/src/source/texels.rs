@@ -84,7 +84,7 @@ fn held(shape: &Shape, width: u32) -> String {
         () if halves => {
             format!(
                 "    return {};\n",
-                OPENCL.scaled(format, &format!("from_half(fetch_ushort(bound->{name}_0, at.place))"))
+                OPENCL.scaled(format, &format!("from_half(fetch_ushort(bound->{name}_0, at.place) << 16)"))
             )
         }
         () => format!("    return fetch(bound->{name}_0, at.place);\n"),
@@ -96,8 +96,8 @@ fn held(shape: &Shape, width: u32) -> String {
             format!(
                 "    U bits = fetch_halves(bound->{name}_0, at.place);\n    PAIR_{value} pair;\n    \
                  pair.near = {};\n    pair.far = {};\n    return pair;\n",
-                scaled("bits & 0xffffu"),
-                scaled("bits >> 16")
+                scaled("bits << 16"),
+                scaled("bits")
             )
         }
         () if together => format!("    return fetch_pair(bound->{name}_0, at.place);\n"),
