@@ -38,30 +38,6 @@ F mapped(const Bound *bound, const LightRecord *record, const Incident *light, F
 void light_depths(const Bound *bound, F3 at, uint layer, M dense, F *depths);
 INLINE Optics optics(const Bound *bound, F3 at, int3 size, M active);
 
-// Two vectors of each lane's pixel, of the film or of the paths under way.
-void store(__global float4 *to, U pixel, M kept, F3 color, F fourth, F3 transmitted, F eighth) {
-    float values[8 * WIDTH];
-    uint at[WIDTH];
-    int marked[WIDTH];
-    unpack(color.x, values);
-    unpack(color.y, values + WIDTH);
-    unpack(color.z, values + 2 * WIDTH);
-    unpack(fourth, values + 3 * WIDTH);
-    unpack(transmitted.x, values + 4 * WIDTH);
-    unpack(transmitted.y, values + 5 * WIDTH);
-    unpack(transmitted.z, values + 6 * WIDTH);
-    unpack(eighth, values + 7 * WIDTH);
-    unpack(pixel, at);
-    unpack(kept, marked);
-    for (uint i = 0u; i < WIDTH; i++) {
-        if (marked[i]) {
-            const float *v = values + i;
-            to[2u * at[i]] = (float4)(v[0], v[WIDTH], v[2 * WIDTH], v[3 * WIDTH]);
-            to[2u * at[i] + 1u] = (float4)(v[4 * WIDTH], v[5 * WIDTH], v[6 * WIDTH], v[7 * WIDTH]);
-        }
-    }
-}
-
 // Columns or rows of the full picture.
 U full(U n, uint scale, uint size) {
     U at = n * scale + scale / 2u;
@@ -110,7 +86,7 @@ void run_march(const Bound *bound) {
     if (bound->params->alone == ALONE_RIMS) {
         marched &= rim(bound, x, y);
         F3 one = all3((float3)(1.0f));
-        store(bound->film, pixel, kept & !marched, all3((float3)(0.0f)), (F)(UNMARCHED), one, (F)(INFINITY));
+        put_eight(bound->film, pixel, kept & !marched, all3((float3)(0.0f)), (F)(UNMARCHED), one, (F)(INFINITY));
         if (!any_lane(marched)) {
             return;
         }
@@ -171,7 +147,7 @@ void run_march(const Bound *bound) {
         stopped_at += path.stopped_at;
     }
     if (bound->params->sample_end < bound->params->samples) {
-        store(bound->film, pixel, marched, color, stopped, transmitted, stopped_at);
+        put_eight(bound->film, pixel, marched, color, stopped, transmitted, stopped_at);
         return;
     }
     float share = 1.0f / convert_float(bound->params->samples);
@@ -184,7 +160,7 @@ void run_march(const Bound *bound) {
             last = lesser(fetch((__global const float *)bound->surface, 4u * surface + 3u), last);
         }
     }
-    store(bound->film, pixel, marched, scale3(color, (F)(share)), last, scale3(transmitted, (F)(share)), depth);
+    put_eight(bound->film, pixel, marched, scale3(color, (F)(share)), last, scale3(transmitted, (F)(share)), depth);
 }
 
 // Whether a rim is near a pixel: of the surfaces of five by five pixels around, the nearest and the farthest.
@@ -247,7 +223,7 @@ void resume(const Bound *bound, Path *path, U pixel) {
 
 // Leaves the paths to the next pass.
 void keep(const Bound *bound, const Path *path, U pixel, M kept) {
-    store(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_at);
+    put_eight(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_at);
 }
 
 // The steps of this pass.

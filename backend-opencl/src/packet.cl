@@ -277,6 +277,30 @@ void put(F v, __global float *to, U index, const int *marked) {
     }
 }
 
+// Stores eight floats a lane that is marked, as two vectors behind each other.
+void put_eight(__global float4 *to, U index, M kept, F3 first, F fourth, F3 second, F eighth) {
+    float values[8 * WIDTH];
+    uint at[WIDTH];
+    int marked[WIDTH];
+    unpack(first.x, values);
+    unpack(first.y, values + WIDTH);
+    unpack(first.z, values + 2 * WIDTH);
+    unpack(fourth, values + 3 * WIDTH);
+    unpack(second.x, values + 4 * WIDTH);
+    unpack(second.y, values + 5 * WIDTH);
+    unpack(second.z, values + 6 * WIDTH);
+    unpack(eighth, values + 7 * WIDTH);
+    unpack(index, at);
+    unpack(kept, marked);
+    for (uint i = 0u; i < WIDTH; i++) {
+        if (marked[i]) {
+            const float *v = values + i;
+            to[2u * at[i]] = (float4)(v[0], v[WIDTH], v[2 * WIDTH], v[3 * WIDTH]);
+            to[2u * at[i] + 1u] = (float4)(v[4 * WIDTH], v[5 * WIDTH], v[6 * WIDTH], v[7 * WIDTH]);
+        }
+    }
+}
+
 // Stores the first `count` lanes, one behind the other.
 void put_row(F v, __global float *to, uint count) {
     if (count == WIDTH) {

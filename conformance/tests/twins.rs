@@ -140,7 +140,6 @@ const OPENCL: Backend = Backend {
         ("march", "cells_at", "an expression elsewhere"),
         ("classify", "mixed", "a closure, or an operation on vectors, elsewhere"),
         ("trace", "places", LANES),
-        ("march", "store", LANES),
         ("march", "load", LANES),
         ("march", "full", "stands in several places of a packet's pixels"),
         ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
