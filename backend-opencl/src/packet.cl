@@ -84,7 +84,7 @@ typedef struct {
 // Two numbers that lie side by side, which need not lie as a number of their size must.
 typedef ulong Floats __attribute__((aligned(4)));
 typedef uint Halves __attribute__((aligned(2)));
-#define AT(pointer, from, i) (*(pointer)((from) + (i)))
+#define AT(pointer, from, i, lane) (*(pointer)((from) + (i).s##lane))
 // The halves at each lane's index and behind it, as bits.
 #define fetch_halves(from, i) LANES_OF(U, __global const Halves *, (__global const ushort *)(from), i)
 
@@ -97,8 +97,8 @@ F3 f3(F x, F y, F z) {
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7))
 #define LANES_OF(kind, pointer, from, i)                                                                              \
-    ((kind)(AT(pointer, from, (i).s0), AT(pointer, from, (i).s1), AT(pointer, from, (i).s2), AT(pointer, from, (i).s3),   \
-            AT(pointer, from, (i).s4), AT(pointer, from, (i).s5), AT(pointer, from, (i).s6), AT(pointer, from, (i).s7)))
+    ((kind)(AT(pointer, from, i, 0), AT(pointer, from, i, 1), AT(pointer, from, i, 2), AT(pointer, from, i, 3),       \
+            AT(pointer, from, i, 4), AT(pointer, from, i, 5), AT(pointer, from, i, 6), AT(pointer, from, i, 7)))
 
 int any_lane(M m) {
     int4 four = m.lo | m.hi;
@@ -122,10 +122,10 @@ int largest_index(I v) {
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #define LANES_OF(kind, pointer, from, i)                                                                              \
-    ((kind)(AT(pointer, from, (i).s0), AT(pointer, from, (i).s1), AT(pointer, from, (i).s2), AT(pointer, from, (i).s3),   \
-            AT(pointer, from, (i).s4), AT(pointer, from, (i).s5), AT(pointer, from, (i).s6), AT(pointer, from, (i).s7),   \
-            AT(pointer, from, (i).s8), AT(pointer, from, (i).s9), AT(pointer, from, (i).sa), AT(pointer, from, (i).sb),   \
-            AT(pointer, from, (i).sc), AT(pointer, from, (i).sd), AT(pointer, from, (i).se), AT(pointer, from, (i).sf)))
+    ((kind)(AT(pointer, from, i, 0), AT(pointer, from, i, 1), AT(pointer, from, i, 2), AT(pointer, from, i, 3),       \
+            AT(pointer, from, i, 4), AT(pointer, from, i, 5), AT(pointer, from, i, 6), AT(pointer, from, i, 7),       \
+            AT(pointer, from, i, 8), AT(pointer, from, i, 9), AT(pointer, from, i, a), AT(pointer, from, i, b),       \
+            AT(pointer, from, i, c), AT(pointer, from, i, d), AT(pointer, from, i, e), AT(pointer, from, i, f)))
 
 int any_lane(M m) {
     int8 eight = m.lo | m.hi;
@@ -229,17 +229,17 @@ INLINE F from_half(U words) {
 }
 
 // The floats at each lane's index and behind it, by one load a lane.
-#define FLOATS_AT(n) (*(__global const Floats *)(from + i.n))
+#define FLOATS_AT(lane) AT(__global const Floats *, from, i, lane)
 INLINE PAIR_float fetch_pair(__global const float *from, I i) {
-    float16 first = as_float16((ulong8)(FLOATS_AT(s0), FLOATS_AT(s1), FLOATS_AT(s2), FLOATS_AT(s3), FLOATS_AT(s4), FLOATS_AT(s5),
-                                        FLOATS_AT(s6), FLOATS_AT(s7)));
+    float16 first = as_float16((ulong8)(FLOATS_AT(0), FLOATS_AT(1), FLOATS_AT(2), FLOATS_AT(3), FLOATS_AT(4),
+                                        FLOATS_AT(5), FLOATS_AT(6), FLOATS_AT(7)));
     PAIR_float pair;
 #if WIDTH == 8
     pair.near = first.even;
     pair.far = first.odd;
 #else
-    float16 second = as_float16((ulong8)(FLOATS_AT(s8), FLOATS_AT(s9), FLOATS_AT(sa), FLOATS_AT(sb), FLOATS_AT(sc),
-                                         FLOATS_AT(sd), FLOATS_AT(se), FLOATS_AT(sf)));
+    float16 second = as_float16((ulong8)(FLOATS_AT(8), FLOATS_AT(9), FLOATS_AT(a), FLOATS_AT(b), FLOATS_AT(c),
+                                         FLOATS_AT(d), FLOATS_AT(e), FLOATS_AT(f)));
     pair.near = (F)(first.even, second.even);
     pair.far = (F)(first.odd, second.odd);
 #endif

@@ -1,5 +1,5 @@
-//! Texels of a field: where they lie and what they hold. Lookups of all fields stand on these (`kernels/field.cl`). Of floats they take a
-//! texel a lane, of colours one.
+//! Texels of a field: where they lie and what they hold. Lookups of all fields stand on these (`kernels/field.cl`). Of
+//! floats they take a texel a lane, of colours one.
 
 use std::fmt::Write as _;
 
@@ -45,13 +45,15 @@ fn places(shape: &Shape) -> String {
     };
     let (below, beside) = (next("y", "size.x"), next("x", "1"));
     format!(
-        "INLINE TEXEL_{value} place_{name}(const Bound *bound, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z, int3 size, int layer) {{
+        "INLINE TEXEL_{value} place_{name}(const Bound *bound, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z,
+    int3 size, int layer) {{
     TEXEL_{value} at;
     at.slab = (INDEX_{value})({slab});
     at.place = (({z} * size.y + y) * size.x + x){layers}{layer};
     return at;
 }}
-INLINE TEXEL_{value} behind_{name}(const Bound *bound, TEXEL_{value} at, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z, int3 size, int layer) {{
+INLINE TEXEL_{value} behind_{name}(const Bound *bound, TEXEL_{value} at, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z,
+    int3 size, int layer) {{
     {behind}
 }}
 INLINE INDEX_{value} below_{name}(const Bound *bound, INDEX_{value} y, int3 size) {{
