@@ -8,6 +8,7 @@ typedef struct {
 } Control;
 
 Control point(const Bound *bound, F value);
+INLINE F mixed(__global const float *numbers, I a, I b, F f);
 F3 color(const Bound *bound, const Control *p);
 
 void run_classify(const Bound *bound) {
@@ -24,23 +25,18 @@ void run_classify(const Bound *bound) {
     if (first >= slice) {
         return;
     }
-    U place = elements(first, slice);
-    int marked[WIDTH];
-    unpack(filled(first, slice), marked);
-    int3 size = convert_int3(dims.xyz);
-    F value = texels_values(bound, as_signed(place % dims.x), as_signed(place / dims.x), (I)((int)z), size, 0);
+    // A slice's rows lie one behind the other.
+    I place = as_signed(elements(first, slice));
+    F value = texels_values(bound, place_values(bound, place, (I)(0), (I)((int)z), convert_int3(dims.xyz), 0));
     Control p = point(bound, value);
+    uint count = min((uint)WIDTH, slice - first);
     size_t out = (size_t)z * slice + first;
     if (dims.w < CLASSIFY_COLOR) {
         F reach = greater(greater(p.first.x, p.first.y), p.first.z);
-        put(dims.w == CLASSIFY_REACH ? reach : p.density, bound->classified + out, LANE, marked);
+        put_row(dims.w == CLASSIFY_REACH ? reach : p.density, bound->classified + out, count);
         return;
     }
-    F3 found = color(bound, &p);
-    put(found.x, bound->classified + 4u * out, 4u * LANE, marked);
-    put(found.y, bound->classified + 4u * out, 4u * LANE + 1u, marked);
-    put(found.z, bound->classified + 4u * out, 4u * LANE + 2u, marked);
-    put((F)(0.0f), bound->classified + 4u * out, 4u * LANE + 3u, marked);
+    put_colors(color(bound, &p), bound->classified + 4u * out, count);
 }
 
 // What the control points say of values: linear between two, constant beyond the first and the last.
@@ -58,16 +54,20 @@ Control point(const Bound *bound, F value) {
     F width = fetch(points, b) - start;
     // Beyond the ends both are one point, and between them never.
     F f = width > 0.0f ? (value - start) / width : (F)(0.0f);
-    F found[12];
-    for (uint i = 1u; i < 11u; i++) {
-        F from = fetch(points + i, a);
-        found[i] = from + (fetch(points + i, b) - from) * f;
-    }
     Control p;
-    p.density = found[1];
-    p.first = f3(found[4], found[5], found[6]);
-    p.second = f3(found[8], found[9], found[10]);
+    p.density = mixed(points + 1, a, b, f);
+    p.first = f3(mixed(points + 4, a, b, f), mixed(points + 5, a, b, f), mixed(points + 6, a, b, f));
+    p.second = all3((float3)(0.0f));
+    if (bound->params->dims.w == CLASSIFY_SEEN) {
+        p.second = f3(mixed(points + 8, a, b, f), mixed(points + 9, a, b, f), mixed(points + 10, a, b, f));
+    }
     return p;
+}
+
+// Between a number of two points.
+F mixed(__global const float *numbers, I a, I b, F f) {
+    F from = fetch(numbers, a);
+    return from + (fetch(numbers, b) - from) * f;
 }
 
 // The colour of a kind that has one.

@@ -58,7 +58,7 @@ void run_inject(const Bound *bound) {
                 value *= exp_negative(-greater(p.y, (F)(0.0f)));
             } else {
                 if (has_base) {
-                    value = texels_base(bound, as_signed(x), as_signed(y), as_signed(z), convert_int3(dims.xyz), 0);
+                    value = texels_base(bound, place_base(bound, as_signed(x), as_signed(y), as_signed(z), convert_int3(dims.xyz), 0));
                 }
                 value *= noise_factor(p, bound->params->octaves, bound->params->seed, bound->params->contrast);
             }

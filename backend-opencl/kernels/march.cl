@@ -29,29 +29,14 @@ void resume(const Bound *bound, Path *path, U pixel);
 void keep(const Bound *bound, const Path *path, U pixel, M kept);
 void walk(const Bound *bound, Path *path);
 uint4 blocks(const Bound *bound);
-F3 gathered(const Bound *bound, F3 at, const float *basis, M dense);
-float3 in_scatter_at(const Bound *bound, float3 place, uint layer);
-F3 scattered_light(const Bound *bound, F3 at, const float *basis, M dense);
+F3 gathered(const Bound *bound, F3 at, const F *basis, M dense);
+F3 in_scatter_at(const Bound *bound, F3 place, const F *basis, M dense);
+F3 scattered_light(const Bound *bound, F3 at, const F *basis, M dense);
 F3 direct(const Bound *bound, F3 at, F3 direction, F t, M dense);
 F visibility(const Bound *bound, uint i, const Incident *light, F3 d, F t, M lit);
 F mapped(const Bound *bound, const LightRecord *record, const Incident *light, F3 at);
 void light_depths(const Bound *bound, F3 at, uint layer, M dense, F *depths);
-Optics optics(const Bound *bound, F3 at, int3 size, M active);
-
-// Two vectors of each lane's pixel, of the film or of the paths under way.
-void store(__global float4 *to, U pixel, M kept, F3 color, F fourth, F3 transmitted, F eighth) {
-    __global float *out = (__global float *)to;
-    int marked[WIDTH];
-    unpack(kept, marked);
-    put(color.x, out, 8u * pixel, marked);
-    put(color.y, out, 8u * pixel + 1u, marked);
-    put(color.z, out, 8u * pixel + 2u, marked);
-    put(fourth, out, 8u * pixel + 3u, marked);
-    put(transmitted.x, out, 8u * pixel + 4u, marked);
-    put(transmitted.y, out, 8u * pixel + 5u, marked);
-    put(transmitted.z, out, 8u * pixel + 6u, marked);
-    put(eighth, out, 8u * pixel + 7u, marked);
-}
+INLINE Optics optics(const Bound *bound, F3 at, int3 size, M active);
 
 // Columns or rows of the full picture.
 U full(U n, uint scale, uint size) {
@@ -101,7 +86,7 @@ void run_march(const Bound *bound) {
     if (bound->params->alone == ALONE_RIMS) {
         marched &= rim(bound, x, y);
         F3 one = all3((float3)(1.0f));
-        store(bound->film, pixel, kept & !marched, all3((float3)(0.0f)), (F)(UNMARCHED), one, (F)(INFINITY));
+        put_eight(bound->film, pixel, kept & !marched, all3((float3)(0.0f)), (F)(UNMARCHED), one, (F)(INFINITY));
         if (!any_lane(marched)) {
             return;
         }
@@ -162,7 +147,7 @@ void run_march(const Bound *bound) {
         stopped_at += path.stopped_at;
     }
     if (bound->params->sample_end < bound->params->samples) {
-        store(bound->film, pixel, marched, color, stopped, transmitted, stopped_at);
+        put_eight(bound->film, pixel, marched, color, stopped, transmitted, stopped_at);
         return;
     }
     float share = 1.0f / convert_float(bound->params->samples);
@@ -175,7 +160,7 @@ void run_march(const Bound *bound) {
             last = lesser(fetch((__global const float *)bound->surface, 4u * surface + 3u), last);
         }
     }
-    store(bound->film, pixel, marched, scale3(color, (F)(share)), last, scale3(transmitted, (F)(share)), depth);
+    put_eight(bound->film, pixel, marched, scale3(color, (F)(share)), last, scale3(transmitted, (F)(share)), depth);
 }
 
 // Whether a rim is near a pixel: of the surfaces of five by five pixels around, the nearest and the farthest.
@@ -206,7 +191,7 @@ F jitter(const Bound *bound, U x, U y, uint s) {
     uint at = bound->params->jitter_at;
     U pixel = y % JITTER_SIDE * JITTER_SIDE + x % JITTER_SIDE;
     F place = fetch(bound->tables + at + bound->params->samples, pixel) + bound->tables[at + s] + bound->params->jitter_offset;
-    return place - floor(place);
+    return place - floored(place);
 }
 
 // The paths along `direction` before their first step.
@@ -238,7 +223,7 @@ void resume(const Bound *bound, Path *path, U pixel) {
 
 // Leaves the paths to the next pass.
 void keep(const Bound *bound, const Path *path, U pixel, M kept) {
-    store(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_at);
+    put_eight(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_at);
 }
 
 // The steps of this pass.
@@ -246,64 +231,97 @@ void walk(const Bound *bound, Path *path) {
     int3 size = convert_int3(bound->params->dims.xyz);
     F3 direction = path->direction;
     const Ray ray = path->ray;
-    // Y_k of the direction, where the in-scatter has layers, lane by lane.
-    float basis[HARMONICS_MAX * WIDTH];
+    // Y_k of the direction, where the in-scatter has layers.
+    F basis[HARMONICS_MAX];
     if (max(bound->params->cells.w, bound->params->scattered_cells.w) > 1u) {
-        F values[HARMONICS_MAX];
-        uint bands = bound->params->bands;
-        harmonics(bound, direction, bands, values);
-        for (uint k = 0u; k < bands * bands; k++) {
-            unpack(values[k], basis + k * WIDTH);
-        }
+        harmonics(bound, direction, bound->params->bands, basis);
     }
     float3 albedo = bound->params->albedo.xyz;
     float3 sigma = bound->params->extinction.xyz;
     bool scatters = albedo.x + albedo.y + albedo.z > 0.0f;
     bool grey = sigma.x == sigma.y && sigma.x == sigma.z;
+    bool shone_on = has_in_scatter || has_scattered || bound->params->lights > 0u;
+    bool lit = scatters && shone_on;
+    bool emits = any(bound->params->emission.xyz != 0.0f);
+    // Whether one channel serves all, and what scatters is a part of what stops.
+    bool plain = !has_scattering && grey && !emits;
     uint4 grid = blocks(bound);
     float last = fmin(largest_lane(ray.steps), convert_float(bound->params->step_end));
     float k = convert_float(bound->params->step_begin);
+    float ask = 0.0f;
+    F3 radiance = path->radiance;
+    F3 transmittance = path->transmittance;
+    F stopped = path->stopped;
+    F stopped_at = path->stopped_at;
     while (k < last) {
-        F3 transmittance = path->transmittance;
-        F brightest = greater(greater(transmittance.x, transmittance.y), transmittance.z);
-        M active = (k < ray.steps) & (brightest >= bound->params->cut);
+        F brightest = transmittance.x;
+        if (!grey) {
+            brightest = greater(greater(brightest, transmittance.y), transmittance.z);
+        }
+        // What is looked up waits for no transmittance: only what comes of it does.
+        M within = k < ray.steps;
+        M open = brightest >= bound->params->cut;
+        M active = within & open;
         if (!any_lane(active)) {
             break;
         }
         F t = middle(&ray, k);
-        if (has_occupancy) {
-            float next = skip(bound, &ray, t, k, grid, active);
-            if (next >= 0.0f) {
-                k = next;
+        if (has_occupancy && k >= ask) {
+            Ahead ahead = skip(bound, &ray, t, k, grid, active);
+            if (ahead.empty) {
+                k = ahead.until;
                 continue;
             }
+            ask = ahead.until;
         }
         F3 at = along(&ray, t);
-        Optics here = optics(bound, at, size, active);
-        F3 extinction = here.extinction;
-        F3 light = all3((float3)(0.0f));
-        M dense = greater(greater(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f;
-        if (scatters && any_lane(dense)) {
-            light = add3(add3(gathered(bound, at, basis, dense), scattered_light(bound, at, basis, dense)),
-                         direct(bound, at, direction, t, dense));
+        Optics here = optics(bound, at, size, within);
+        F3 sent = here.emission;
+        M dense = open & (greater(greater(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f);
+        if (lit && any_lane(dense)) {
+            F3 light = add3(add3(gathered(bound, at, basis, dense), scattered_light(bound, at, basis, dense)),
+                            direct(bound, at, direction, t, dense));
+            sent = plain ? mul3(light, all3(albedo)) : add3(mul3(here.scattering, light), here.emission);
         }
-        // Grey extinction takes one exponential.
-        F2 red = segment(extinction.x * ray.step);
-        F2 green = red;
-        F2 blue = red;
-        if (!grey) {
-            green = segment(extinction.y * ray.step);
-            blue = segment(extinction.z * ray.step);
+        F share;
+        if (plain) {
+            // What is scattered is a part of what is stopped.
+            F2 piece = decay(here.extinction.x * ray.step);
+            F stops = open ? transmittance.x * piece.y : (F)(0.0f);
+            if (lit) {
+                radiance = add3(radiance, scale3(sent, stops));
+            }
+            transmittance.x = open ? transmittance.x * piece.x : transmittance.x;
+            share = stops * 3.0f;
+        } else if (grey) {
+            // One channel serves all; the others are made from it at the end.
+            F2 piece = segment(here.extinction.x * ray.step);
+            F reach = open ? transmittance.x * ray.step * piece.y : (F)(0.0f);
+            radiance = add3(radiance, scale3(sent, reach));
+            transmittance.x = open ? transmittance.x * piece.x : transmittance.x;
+            share = here.extinction.x * reach * 3.0f;
+        } else {
+            F2 red = segment(here.extinction.x * ray.step);
+            F2 green = segment(here.extinction.y * ray.step);
+            F2 blue = segment(here.extinction.z * ray.step);
+            F3 reach = mul3(scale3(transmittance, ray.step), f3(red.y, green.y, blue.y));
+            F3 none = all3((float3)(0.0f));
+            reach = pick3(open, reach, none);
+            radiance = add3(radiance, mul3(reach, sent));
+            transmittance = pick3(open, mul3(transmittance, f3(red.x, green.x, blue.x)), transmittance);
+            share = dot3(here.extinction, reach);
         }
-        F3 reach = mul3(transmittance, scale3(f3(red.y, green.y, blue.y), ray.step));
-        F3 sent = add3(mul3(here.scattering, light), here.emission);
-        path->radiance = add3(path->radiance, mul3(reach, sent));
-        path->transmittance = mul3(transmittance, f3(red.x, green.x, blue.x));
-        F share = dot3(extinction, reach);
-        path->stopped += share;
-        path->stopped_at += share * t;
+        stopped += share;
+        stopped_at += share * t;
         k += 1.0f;
     }
+    if (grey) {
+        transmittance = f3(transmittance.x, transmittance.x, transmittance.x);
+    }
+    path->radiance = radiance;
+    path->transmittance = transmittance;
+    path->stopped = stopped;
+    path->stopped_at = stopped_at;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.
@@ -314,60 +332,38 @@ uint4 blocks(const Bound *bound) {
     return (uint4)(0u);
 }
 
-// Returns J from the layers of a field, one a coefficient, in the lanes that are `dense`, one by one: `lookup` finds layer `k` at
-// `place`, and a voxel of those that `at` counts is `per_voxel` cells.
-#define LAYERED(lookup, layers, at, per_voxel)                                                                        \
-    do {                                                                                                              \
-        int marked[WIDTH];                                                                                            \
-        float x[WIDTH];                                                                                               \
-        float y[WIDTH];                                                                                               \
-        float z[WIDTH];                                                                                               \
-        unpack(dense, marked);                                                                                        \
-        unpack(((at).x + 0.5f) * (per_voxel).x - 0.5f, x);                                                            \
-        unpack(((at).y + 0.5f) * (per_voxel).y - 0.5f, y);                                                            \
-        unpack(((at).z + 0.5f) * (per_voxel).z - 0.5f, z);                                                            \
-        for (uint i = 0u; i < WIDTH; i++) {                                                                           \
-            float3 sum = (float3)(0.0f);                                                                              \
-            if (marked[i]) {                                                                                          \
-                float3 place = (float3)(x[i], y[i], z[i]);                                                            \
-                for (uint k = 0u; k < (layers); k++) {                                                                \
-                    sum += ((layers) == 1u ? 1.0f : basis[k * WIDTH + i]) * (lookup);                                 \
-                }                                                                                                     \
-            }                                                                                                         \
-            x[i] = sum.x;                                                                                             \
-            y[i] = sum.y;                                                                                             \
-            z[i] = sum.z;                                                                                             \
-        }                                                                                                             \
-        return f3(pack(x), pack(y), pack(z));                                                                         \
-    } while (0)
-
-// J from the field of in-scattered radiance.
-F3 gathered(const Bound *bound, F3 at, const float *basis, M dense) {
-    if (!has_in_scatter) {
-        return all3((float3)(0.0f));
-    }
-    float3 per_voxel = bound->params->cells_per_voxel.xyz;
-    uint layers = bound->params->cells.w;
-    LAYERED(in_scatter_at(bound, place, k), layers, at, per_voxel);
+// Places among the cells of a field, of which a voxel is so many.
+INLINE F3 cells_at(F3 at, float3 per_voxel) {
+    return f3((at.x + 0.5f) * per_voxel.x - 0.5f, (at.y + 0.5f) * per_voxel.y - 0.5f, (at.z + 0.5f) * per_voxel.z - 0.5f);
 }
 
-float3 in_scatter_at(const Bound *bound, float3 place, uint layer) {
-    int3 size = convert_int3(bound->params->cells.xyz);
-    if (bound->params->trilinear == 1u) {
-        return sample_in_scatter(bound, place, size, (int)layer).xyz;
+// J from the field of in-scattered radiance.
+F3 gathered(const Bound *bound, F3 at, const F *basis, M dense) {
+    F3 place = cells_at(at, bound->params->cells_per_voxel.xyz);
+    return in_scatter_at(bound, place, basis, dense);
+}
+
+F3 in_scatter_at(const Bound *bound, F3 place, const F *basis, M dense) {
+    F sums[4] = {(F)(0.0f), (F)(0.0f), (F)(0.0f), (F)(0.0f)};
+    if (has_in_scatter) {
+        int3 size = convert_int3(bound->params->cells.xyz);
+        uint layers = bound->params->cells.w;
+        bool trilinear = bound->params->trilinear == 1u;
+        grouped_in_scatter(bound, place, size, 0u, layers, layers == 1u ? 0 : basis, trilinear, dense, 3u, sums);
     }
-    return nearest_in_scatter(bound, place, size, (int)layer).xyz;
+    return f3(sums[0], sums[1], sums[2]);
 }
 
 // J of light that was scattered before.
-F3 scattered_light(const Bound *bound, F3 at, const float *basis, M dense) {
-    if (!has_scattered) {
-        return all3((float3)(0.0f));
+F3 scattered_light(const Bound *bound, F3 at, const F *basis, M dense) {
+    F sums[4] = {(F)(0.0f), (F)(0.0f), (F)(0.0f), (F)(0.0f)};
+    if (has_scattered) {
+        F3 place = cells_at(at, bound->params->scattered_cells_per_voxel.xyz);
+        int3 size = convert_int3(bound->params->scattered_cells.xyz);
+        uint layers = bound->params->scattered_cells.w;
+        grouped_scattered(bound, place, size, 0u, layers, layers == 1u ? 0 : basis, true, dense, 3u, sums);
     }
-    float3 per_voxel = bound->params->scattered_cells_per_voxel.xyz;
-    int3 size = convert_int3(bound->params->scattered_cells.xyz);
-    uint layers = bound->params->scattered_cells.w;
-    LAYERED(sample_scattered(bound, place, size, (int)k).xyz, layers, at, per_voxel);
+    return f3(sums[0], sums[1], sums[2]);
 }
 
 // J from each light.
@@ -486,33 +482,13 @@ F mapped(const Bound *bound, const LightRecord *record, const Incident *light, F
 
 // The field toward four lights; zero without one.
 void light_depths(const Bound *bound, F3 at, uint layer, M dense, F *depths) {
-    float found[4 * WIDTH];
-    for (uint i = 0u; i < 4u * WIDTH; i++) {
-        found[i] = 0.0f;
+    for (uint n = 0u; n < 4u; n++) {
+        depths[n] = (F)(0.0f);
     }
     if (has_light_depth && bound->params->shadow >= SHADOW_COLUMN) {
-        float3 per_voxel = bound->params->light_cells_per_voxel.xyz;
+        F3 place = cells_at(at, bound->params->light_cells_per_voxel.xyz);
         int3 size = convert_int3(bound->params->light_cells.xyz);
-        int marked[WIDTH];
-        float x[WIDTH];
-        float y[WIDTH];
-        float z[WIDTH];
-        unpack(dense, marked);
-        unpack((at.x + 0.5f) * per_voxel.x - 0.5f, x);
-        unpack((at.y + 0.5f) * per_voxel.y - 0.5f, y);
-        unpack((at.z + 0.5f) * per_voxel.z - 0.5f, z);
-        for (uint i = 0u; i < WIDTH; i++) {
-            if (marked[i]) {
-                float4 four = sample_light_depth(bound, (float3)(x[i], y[i], z[i]), size, (int)layer);
-                found[i] = four.x;
-                found[WIDTH + i] = four.y;
-                found[2 * WIDTH + i] = four.z;
-                found[3 * WIDTH + i] = four.w;
-            }
-        }
-    }
-    for (uint n = 0u; n < 4u; n++) {
-        depths[n] = pack(found + n * WIDTH);
+        grouped_light_depth(bound, place, size, layer, 1u, 0, true, dense, 4u, depths);
     }
 }
 

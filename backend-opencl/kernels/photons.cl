@@ -113,7 +113,7 @@ Photon enter(const Bound *bound, const PhotonDirection *source, Draws *numbers) 
 
 // Follows a photon until it has made so many flights that leave light as are kept, or is no more. How many it made.
 uint trace(const Bound *bound, Photon *photon, Draws *numbers, Event *events, int *tally) {
-    __constant const PhotonParams *params = bound->params;
+    const PhotonParams *params = bound->params;
     int3 size = convert_int3(params->dims.xyz);
     uint count = 0u;
     while (!photon->over && count < PHOTON_EVENTS) {
@@ -206,7 +206,7 @@ float albedo(const Bound *bound, float3 at, float density) {
 
 // Leaves the light of a flight of a photon of that number.
 void deposit(const Bound *bound, const PhotonDirection *source, uint name, const Event *event, int *tally) {
-    __constant const PhotonParams *params = bound->params;
+    const PhotonParams *params = bound->params;
     tally[PHOTON_DEPOSITS] += 1;
     int3 cells = convert_int3(params->cells.xyz);
     float3 ratio = convert_float3(cells) / convert_float3(params->dims.xyz);

@@ -16,31 +16,41 @@ typedef struct {
     F place;
 } Ray;
 
-// Where each lane that is active stands in an empty block: the number of the next sample that any of them must look at,
-// else -1. Samples lie at t0 + (k + place) steps. `blocks`: blocks along x, y, z and their side in voxels.
-float skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks, M active) {
+// What lies before a packet of rays.
+typedef struct {
+    // Nothing, up to the sample of a number; else something, and until that sample it is of no use to ask again.
+    bool empty;
+    float until;
+} Ahead;
+
+// Where each lane that is active stands in an empty block: the number of the next sample that any of them must look at. Else
+// until when one of them stands in a block that is not empty. Samples lie at t0 + (k + place) steps. `blocks`: blocks along x, y,
+// z and their side in voxels.
+INLINE Ahead skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks, M active) {
     float side = convert_float(blocks.w);
     F3 last = all3(convert_float3(blocks.xyz - 1u));
     F3 at = add3(ray->origin, scale3(ray->direction, t));
     F zero = (F)(0.0f);
-    F3 block = f3(lesser(greater(floor((at.x + 0.5f) / side), zero), last.x),
-                  lesser(greater(floor((at.y + 0.5f) / side), zero), last.y),
-                  lesser(greater(floor((at.z + 0.5f) / side), zero), last.z));
-    I cell = (to_int(block.z) * (int)blocks.y + to_int(block.y)) * (int)blocks.x + to_int(block.x);
-    // Means and maxima, in turn.
-    F held = fetch((__global const float *)bound->occupancy, 2 * cell + 1);
-    if (any_lane(active & (held > zero))) {
-        return -1.0f;
-    }
+    // What is rounded toward zero in place of down is below zero, and so in the first block.
+    I x = to_int(lesser(greater((at.x + 0.5f) / side, zero), last.x));
+    I y = to_int(lesser(greater((at.y + 0.5f) / side, zero), last.y));
+    I z = to_int(lesser(greater((at.z + 0.5f) / side, zero), last.z));
+    I cell = (z * (int)blocks.y + y) * (int)blocks.x + x;
     F3 way = ray->direction;
-    F3 wall = f3((way.x > zero ? block.x + 1.0f : block.x) * side - 0.5f,
-                 (way.y > zero ? block.y + 1.0f : block.y) * side - 0.5f,
-                 (way.z > zero ? block.z + 1.0f : block.z) * side - 0.5f);
+    F3 wall = f3((way.x > zero ? to_float(x) + 1.0f : to_float(x)) * side - 0.5f,
+                 (way.y > zero ? to_float(y) + 1.0f : to_float(y)) * side - 0.5f,
+                 (way.z > zero ? to_float(z) + 1.0f : to_float(z)) * side - 0.5f);
     F3 leave = sub3(wall, ray->origin);
     F exit = lesser(lesser(leave.x / way.x, leave.y / way.y), leave.z / way.z);
     // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-    F beyond = floor((exit - ray->start) / ray->step - ray->place);
-    return fmax(smallest_lane(active ? beyond : (F)(INFINITY)), k + 1.0f);
+    F beyond = floored((exit - ray->start) / ray->step - ray->place);
+    // Means and maxima, in turn.
+    M dense = active & (fetch((__global const float *)bound->occupancy, 2 * cell + 1) > zero);
+    Ahead ahead;
+    ahead.empty = !any_lane(dense);
+    float edge = ahead.empty ? smallest_lane(active ? beyond : (F)(INFINITY)) : largest_lane(dense ? beyond : zero);
+    ahead.until = fmax(edge, k + 1.0f);
+    return ahead;
 }
 
 // The rays from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
@@ -74,12 +84,12 @@ Ray in_steps(Ray ray, float count) {
 }
 
 // The points `t` metres along.
-F3 along(const Ray *ray, F t) {
+INLINE F3 along(const Ray *ray, F t) {
     return add3(ray->origin, scale3(ray->direction, t));
 }
 
 // Where step `k` is sampled, in metres along.
-F middle(const Ray *ray, float k) {
+INLINE F middle(const Ray *ray, float k) {
     return ray->start + ray->step * (k + ray->place);
 }
 
@@ -91,15 +101,17 @@ F column(const Bound *bound, const Ray *ray, uint4 blocks, M lanes) {
     float last = largest_lane(steps);
     F sum = (F)(0.0f);
     float k = 0.0f;
+    float ask = 0.0f;
     while (k < last) {
         M active = k < steps;
         F t = middle(ray, k);
-        if (blocks.w > 0u) {
-            float next = skip(bound, ray, t, k, blocks, active);
-            if (next >= 0.0f) {
-                k = next;
+        if (blocks.w > 0u && k >= ask) {
+            Ahead ahead = skip(bound, ray, t, k, blocks, active);
+            if (ahead.empty) {
+                k = ahead.until;
                 continue;
             }
+            ask = ahead.until;
         }
         F density = sample_density(bound, along(ray, t), size, 0);
         sum += active ? density : (F)(0.0f);

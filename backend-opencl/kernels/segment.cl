@@ -1,12 +1,21 @@
 // Light along a short piece of a ray.
 
-// exp(-tau), and the mean of exp(-s) over s from 0 to tau: (1 - exp(-tau))/tau, by its series where tau is small.
-F2 segment(F tau) {
-    F series = 1.0f - (((tau * (-1.0f / 120.0f) + 1.0f / 24.0f) * tau - 1.0f / 6.0f) * tau + 0.5f) * tau;
-    F e = exp_negative(-tau);
-    M small = tau < 0.05f;
-    F2 piece;
-    piece.x = small ? 1.0f - tau * series : e;
-    piece.y = small ? series : (1.0f - e) / tau;
+INLINE F2 decay(F tau);
+
+// exp(-tau), and the mean of exp(-s) over s from 0 to tau: (1 - exp(-tau))/tau, which nears 1 where tau is small.
+INLINE F2 segment(F tau) {
+    F2 piece = decay(tau);
+    piece.y = tau > 1.17549435e-38f ? piece.y / tau : (F)(1.0f);
     return piece;
+}
+
+// exp(-tau) and 1 - exp(-tau) for tau >= 0, both to a few units in the last place.
+F2 decay(F tau) {
+    // exp(-tau) is 2^n (1 + q): without the sum of 1 and q nothing of a small tau is lost.
+    F2 parts = decay_parts(lesser(tau, (F)(87.0f)));
+    F part = parts.x * parts.y;
+    F2 both;
+    both.x = parts.x + part;
+    both.y = 1.0f - parts.x - part;
+    return both;
 }

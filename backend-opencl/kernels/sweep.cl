@@ -31,7 +31,7 @@ size_t part(const Bound *bound, const Planes *of, uint step, uint kind, uint cha
 size_t corner(const Planes *of, uint step);
 F load(__global const float *from, size_t start, uint hop, uint left);
 void enter(const Bound *bound, const Planes *of, uint step, bool lit);
-void border(const Planes *of, __global float *values, bool repeats, float value);
+void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v);
 void advance(const Bound *bound, const Planes *of, uint step);
 F between(__global const float *values, const int *around, const float *weights, const M *closed, F own);
 F leaning(F tau, F2 piece);
@@ -44,14 +44,10 @@ void run_sweep(const Bound *bound) {
     uint begin = bound->launch->start % (steps + 1u);
     uint first = bound->launch->start / (steps + 1u) * bound->params->batch;
     uint count = min(bound->params->batch, bound->params->directions - first);
-    if (begin == steps) {
-        if (number() / WIDTH < bound->launch->count) {
-            gather(bound, (uint)(number() / WIDTH), first, count);
-        }
-        return;
-    }
-    Planes of = planes(bound, (uint)get_group_id(0), first);
-    uint end = min(begin + bound->launch->units, of.deep);
+    bool gathers = begin == steps;
+    Planes of = planes(bound, gathers ? 0u : (uint)get_group_id(0), first);
+    uint end = gathers ? begin : min(begin + bound->launch->units, of.deep);
+    // A team meets here and nowhere else: every work-item of it turns as often.
     for (uint step = begin; step < end; step++) {
         if (step == begin) {
             // The plane before, or what lies beyond the box.
@@ -61,9 +57,9 @@ void run_sweep(const Bound *bound) {
         TEAM_MEETS;
         advance(bound, &of, step);
         TEAM_MEETS;
-        for (uint channel = 0u; channel < bound->params->channels; channel++) {
-            border(&of, bound->scratch + part(bound, &of, step, 0u, channel), false, bound->params->boundary);
-        }
+    }
+    if (gathers && number() / WIDTH < bound->launch->count) {
+        gather(bound, (uint)(number() / WIDTH), first, count);
     }
 }
 
@@ -138,53 +134,38 @@ void enter(const Bound *bound, const Planes *of, uint step, bool lit) {
             uint row = i / of->packets;
             uint left = of->across - column;
             size_t cell = from + (size_t)row * of->row + (size_t)column * of->hop;
-            uint to = (row + 1u) * of->pitch + WIDTH + column;
-            unpack(load(bound->optics, channel * count + cell, of->hop, left), extinction + to);
+            F held = load(bound->optics, channel * count + cell, of->hop, left);
+            lay(of, extinction, row, column, false, 0.0f, held);
             if (scatters) {
-                unpack(source(bound, of->direction, channel, cell, of->hop, left), sent + to);
+                lay(of, sent, row, column, true, 0.0f, source(bound, of->direction, channel, cell, of->hop, left));
             }
             if (shines) {
-                unpack(load(bound->optics, (6u + channel) * count + cell, of->hop, left), emission + to);
+                held = load(bound->optics, (6u + channel) * count + cell, of->hop, left);
+                lay(of, emission, row, column, false, 0.0f, held);
             }
             if (lit) {
-                unpack(load(bound->radiance, (of->n * channels + channel) * count + cell, of->hop, left), radiance + to);
+                held = load(bound->radiance, (of->n * channels + channel) * count + cell, of->hop, left);
+                lay(of, radiance, row, column, false, bound->params->boundary, held);
             }
-        }
-        TEAM_MEETS;
-        border(of, extinction, false, 0.0f);
-        if (scatters) {
-            border(of, sent, true, 0.0f);
-        }
-        if (shines) {
-            border(of, emission, false, 0.0f);
-        }
-        if (lit) {
-            border(of, radiance, false, bound->params->boundary);
         }
     }
 }
 
-// Fills the border of a plane: with the cells beside it, or with a value.
-void border(const Planes *of, __global float *values, bool repeats, float value) {
-    for (uint i = MEMBER; i < 2u * of->packets; i += MEMBERS) {
-        uint column = WIDTH + i / 2u * WIDTH;
-        uint to = i % 2u == 0u ? 0u : of->down + 1u;
-        uint from = i % 2u == 0u ? 1u : of->down;
-        F beside = (F)(value);
-        if (repeats) {
-            beside = pack(values + from * of->pitch + column);
+// Stores a packet of a plane, and the border beside it: the cells at the edge once more, or a value. What lies past the end of a
+// row is the row's last cell where they are repeated.
+void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v) {
+    bool ends = of->across - column <= WIDTH;
+    uint from = row == 0u ? 0u : row + 1u;
+    uint to = row + 1u == of->down ? row + 2u : row + 1u;
+    for (uint i = from; i <= to; i++) {
+        __global float *line = values + i * of->pitch + WIDTH;
+        unpack(repeats || i == row + 1u ? v : (F)(value), line + column);
+        if (column == 0u) {
+            line[-1] = repeats ? line[0] : value;
         }
-        unpack(beside, values + to * of->pitch + column);
-    }
-    TEAM_MEETS;
-    // Beside the rows, where packets past their ends have written.
-    for (uint i = MEMBER; i < of->down + 2u; i += MEMBERS) {
-        uint from = min(max(i, 1u), of->down) * of->pitch + WIDTH;
-        uint to = i * of->pitch + WIDTH;
-        float left = values[from];
-        float right = values[from + of->across - 1u];
-        values[to - 1u] = repeats ? left : value;
-        values[to + of->across] = repeats ? right : value;
+        if (ends) {
+            line[of->across] = repeats ? line[of->across - 1u] : value;
+        }
     }
 }
 
@@ -245,7 +226,7 @@ void advance(const Bound *bound, const Planes *of, uint step) {
                 F beside = between(bound->scratch + part(bound, of, step + 1u, 3u, channel) + at, around, weights, closed, own);
                 light += piece.y * (0.5f * way->length) * (own + beside);
             }
-            unpack(light, out + at);
+            lay(of, out, row, column, false, bound->params->boundary, light);
             __global float *to = bound->radiance + (of->n * channels + channel) * count + cell;
             if (of->hop == 1u && left >= WIDTH) {
                 unpack(light, to);

@@ -15,7 +15,6 @@ void run_trace(const Bound *bound) {
     }
     U unit = bound->launch->start + elements(n, bound->launch->count);
     M kept = filled(n, bound->launch->count);
-    __global float *out = (__global float *)(bound->hits + 2u * (bound->launch->start + n));
     uint begin = bound->params->node_begin;
     Line of = line(all3(bound->params->eye.xyz), view(bound, unit));
     F limit = (F)(FAR);
@@ -24,14 +23,13 @@ void run_trace(const Bound *bound) {
     }
     Hit hit = nearest(bound, &of, 0.0f, limit, begin, bound->params->node_end);
     M met = hit.distance < FAR;
-    int marked[WIDTH];
-    if (begin == 0u) {
-        unpack(kept & !met, marked);
-        for (uint c = 0u; c < 8u; c++) {
-            put((F)(c == 3u ? INFINITY : 0.0f), out + c, 8u * LANE, marked);
-        }
+    M stored = begin == 0u ? kept : kept & met;
+    if (!any_lane(stored)) {
+        return;
     }
+    F3 none = all3((float3)(0.0f));
     if (!any_lane(met)) {
+        put_eight(bound->hits, unit, stored, none, (F)(INFINITY), none, (F)(0.0f));
         return;
     }
     U at = 2u * bound->params->nodes + 6u * as_index(hit.triangle);
@@ -42,15 +40,8 @@ void run_trace(const Bound *bound) {
     normal = pick3(size > 0.0f, f3(normal.x / size, normal.y / size, normal.z / size), own);
     normal = pick3(dot3(normal, own) < 0.0f, f3(-normal.x, -normal.y, -normal.z), normal);
     F number = to_float(fetch_uint(&bound->mesh->number, 4u * (at + 3u)));
-    unpack(kept & met, marked);
-    put(normal.x, out, 8u * LANE, marked);
-    put(normal.y, out + 1, 8u * LANE, marked);
-    put(normal.z, out + 2, 8u * LANE, marked);
-    put(hit.distance, out + 3, 8u * LANE, marked);
-    put(own.x, out + 4, 8u * LANE, marked);
-    put(own.y, out + 5, 8u * LANE, marked);
-    put(own.z, out + 6, 8u * LANE, marked);
-    put(number, out + 7, 8u * LANE, marked);
+    put_eight(bound->hits, unit, stored, pick3(met, normal, none), met ? hit.distance : (F)(INFINITY), pick3(met, own, none),
+              met ? number : (F)(0.0f));
 }
 
 // The normals of the triangles whose records begin at `at`, on the side that the rays come from.

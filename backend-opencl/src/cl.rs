@@ -53,6 +53,8 @@ pub(crate) struct Built {
 /// An argument of a kernel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Arg<'a> {
+    /// A struct.
+    Bytes(&'a [u8]),
     Mem(&'a Mem),
     Int(i32),
     Uint(u32),
@@ -165,15 +167,6 @@ impl Cl {
         Ok(mem)
     }
 
-    /// Makes a buffer of some bytes that kernels read.
-    fn constants(&mut self, bytes: &[u8]) -> Result<Mem, DeviceError> {
-        let flags = MemFlags::READ_ONLY | MemFlags::COPY_HOST_PTR;
-        // SAFETY: the bytes are copied before the call returns.
-        #[allow(unsafe_code)]
-        let made = unsafe { core::create_buffer(&self.context, flags, bytes.len(), Some(bytes)) };
-        self.done("clCreateBuffer", bytes.len() as u64, made)
-    }
-
     /// Writes into a buffer from `offset` on, after all work so far.
     pub(crate) fn write(&mut self, mem: &Mem, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.check()?;
@@ -284,9 +277,11 @@ impl Cl {
         team: Option<u32>,
     ) -> Result<Event, DeviceError> {
         self.check()?;
-        let constants = self.constants(constants)?;
-        for (index, arg) in (0..).zip(std::iter::once(&Arg::Mem(&constants)).chain(args)) {
+        for (index, arg) in (0..).zip(std::iter::once(&Arg::Bytes(constants)).chain(args)) {
             let value = match arg {
+                // SAFETY: the bytes outlive the call, which copies them.
+                #[allow(unsafe_code)]
+                Arg::Bytes(bytes) => unsafe { ArgVal::from_raw(bytes.len(), bytes.as_ptr().cast(), false) },
                 Arg::Mem(mem) => ArgVal::mem(mem),
                 Arg::Int(value) => ArgVal::scalar(value),
                 Arg::Uint(value) => ArgVal::scalar(value),

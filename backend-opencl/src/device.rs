@@ -6,8 +6,9 @@ use std::ops::Range;
 use std::time::Duration;
 
 use airlight_core::device::{
-    Device, DeviceError, DeviceInfo, FieldKinds, Limits, ResourceId, ResourceSpec, StageTime, Unavailable,
+    Device, DeviceError, DeviceInfo, DeviceKind, FieldKinds, Limits, ResourceId, ResourceSpec, StageTime, Unavailable,
 };
+use airlight_core::host;
 use airlight_core::stage::Stage;
 
 use crate::cl::{Arg, Built, Cl};
@@ -27,7 +28,7 @@ pub struct OpenclDevice {
     pub(crate) lanes: Lanes,
     pub(crate) store: Store,
     /// What work-items of a dispatch share.
-    scratch: Scratch,
+    pub(crate) scratch: Scratch,
     /// Kernels by stage and the shapes of its bindings.
     kernels: HashMap<(&'static str, Vec<Shape>), Built>,
     clock: Clock,
@@ -47,6 +48,11 @@ impl OpenclDevice {
     pub(crate) fn new(info: DeviceInfo, cl: Cl, options: &'static str, lanes: Lanes) -> Self {
         let (store, scratch) = (Store::default(), Scratch::default());
         Self { info, cl, options, lanes, store, scratch, kernels: HashMap::new(), clock: Clock::default() }
+    }
+
+    /// Bytes of resources and of scratch memory.
+    pub(crate) fn held(&self) -> u64 {
+        self.store.bytes() + self.scratch.bytes()
     }
 
     fn run_stage(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
@@ -77,6 +83,15 @@ impl OpenclDevice {
 impl Device for OpenclDevice {
     fn info(&self) -> &DeviceInfo {
         &self.info
+    }
+
+    /// OpenCL does not tell: the device's memory less what this one holds, scratch memory included, and no more than the host
+    /// has where the device is not a card of its own.
+    fn free_memory(&self) -> Option<u64> {
+        let free = self.info.memory_bytes?.saturating_sub(self.held());
+        let shared = self.info.kind != DeviceKind::DiscreteGpu;
+        let host = if shared { host::free_memory() } else { None };
+        Some(host.map_or(free, |host| host.min(free)))
     }
 
     fn field_kinds(&self) -> FieldKinds {

@@ -6,6 +6,9 @@
 #define PASTE(a, b) a##b
 #define OF_WIDTH(name, width) PASTE(name, width)
 
+// Of what loops of packets call at each turn: a call would carry packets through memory, and leave none in a register.
+#define INLINE __attribute__((always_inline))
+
 #if WIDTH == 1
 
 typedef float F;
@@ -23,14 +26,18 @@ typedef float3 F3;
 #define any_lane(m) (m)
 #define largest_lane(v) (v)
 #define smallest_lane(v) (v)
+#define largest_index(v) (v)
 // What memory holds at each lane's index.
 #define fetch(from, i) ((from)[i])
 #define fetch_uint(from, i) ((from)[i])
 #define as_index(v) ((uint)(v))
 #define as_signed(v) ((int)(v))
+#define as_float_lanes(v) as_float(v)
+#define as_int_lanes(v) as_int(v)
 // The lanes side by side in memory, and back.
 #define unpack(v, to) ((to)[0] = (v))
 #define pack(from) ((from)[0])
+#define floored(v) floor(v)
 // e^x for x <= 0.
 #define exp_negative(x) exp(x)
 // A work-item's number among those of its workgroup, how many they are, and where they wait for each other.
@@ -63,13 +70,23 @@ typedef struct {
 #define to_uint(v) OF_WIDTH(convert_uint, WIDTH)(v)
 #define as_index(v) OF_WIDTH(as_uint, WIDTH)(v)
 #define as_signed(v) OF_WIDTH(as_int, WIDTH)(v)
-#define fetch(from, i) LANES_OF(F, from, i)
-#define fetch_uint(from, i) LANES_OF(U, from, i)
+#define as_float_lanes(v) OF_WIDTH(as_float, WIDTH)(v)
+#define as_int_lanes(v) OF_WIDTH(as_int, WIDTH)(v)
+#define fetch(from, i) LANES_OF(F, __global const float *, from, i)
+#define fetch_uint(from, i) LANES_OF(U, __global const uint *, from, i)
+#define fetch_ushort(from, i) LANES_OF(U, __global const ushort *, (__global const ushort *)(from), i)
 #define MEMBER 0u
 #define MEMBERS 1u
 #define TEAM_MEETS
 #define unpack(v, to) OF_WIDTH(vstore, WIDTH)(v, 0, to)
 #define pack(from) OF_WIDTH(vload, WIDTH)(0, from)
+
+// Two numbers that lie side by side, which need not lie as a number of their size must.
+typedef ulong Floats __attribute__((aligned(4)));
+typedef uint Halves __attribute__((aligned(2)));
+#define AT(pointer, from, i, lane) (*(pointer)((from) + (i).s##lane))
+// The halves at each lane's index and behind it, as bits.
+#define fetch_halves(from, i) LANES_OF(U, __global const Halves *, (__global const ushort *)(from), i)
 
 F3 f3(F x, F y, F z) {
     F3 v = {x, y, z};
@@ -79,9 +96,9 @@ F3 f3(F x, F y, F z) {
 #if WIDTH == 8
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7))
-#define LANES_OF(kind, from, i)                                                                                      \
-    ((kind)((from)[(i).s0], (from)[(i).s1], (from)[(i).s2], (from)[(i).s3], (from)[(i).s4], (from)[(i).s5],              \
-         (from)[(i).s6], (from)[(i).s7]))
+#define LANES_OF(kind, pointer, from, i)                                                                              \
+    ((kind)(AT(pointer, from, i, 0), AT(pointer, from, i, 1), AT(pointer, from, i, 2), AT(pointer, from, i, 3),       \
+            AT(pointer, from, i, 4), AT(pointer, from, i, 5), AT(pointer, from, i, 6), AT(pointer, from, i, 7)))
 
 int any_lane(M m) {
     int4 four = m.lo | m.hi;
@@ -95,13 +112,20 @@ float largest_lane(F v) {
     return two.x > two.y ? two.x : two.y;
 }
 
+int largest_index(I v) {
+    int4 four = v.lo > v.hi ? v.lo : v.hi;
+    int2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
 #else
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-#define LANES_OF(kind, from, i)                                                                                      \
-    ((kind)((from)[(i).s0], (from)[(i).s1], (from)[(i).s2], (from)[(i).s3], (from)[(i).s4], (from)[(i).s5],              \
-         (from)[(i).s6], (from)[(i).s7], (from)[(i).s8], (from)[(i).s9], (from)[(i).sa], (from)[(i).sb],              \
-         (from)[(i).sc], (from)[(i).sd], (from)[(i).se], (from)[(i).sf]))
+#define LANES_OF(kind, pointer, from, i)                                                                              \
+    ((kind)(AT(pointer, from, i, 0), AT(pointer, from, i, 1), AT(pointer, from, i, 2), AT(pointer, from, i, 3),       \
+            AT(pointer, from, i, 4), AT(pointer, from, i, 5), AT(pointer, from, i, 6), AT(pointer, from, i, 7),       \
+            AT(pointer, from, i, 8), AT(pointer, from, i, 9), AT(pointer, from, i, a), AT(pointer, from, i, b),       \
+            AT(pointer, from, i, c), AT(pointer, from, i, d), AT(pointer, from, i, e), AT(pointer, from, i, f)))
 
 int any_lane(M m) {
     int8 eight = m.lo | m.hi;
@@ -117,27 +141,21 @@ float largest_lane(F v) {
     return two.x > two.y ? two.x : two.y;
 }
 
+int largest_index(I v) {
+    int8 eight = v.lo > v.hi ? v.lo : v.hi;
+    int4 four = eight.lo > eight.hi ? eight.lo : eight.hi;
+    int2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
 #endif
 
 #define smallest_lane(v) (-largest_lane(-(v)))
 
-// e^x for x <= 0, to two units in the last place; e^-87 and below is about 1e-38. The language's own is a call a lane.
-F exp_negative(F x) {
-    x = x > (F)(-87.0f) ? x : (F)(-87.0f);
-    x = x < (F)(0.0f) ? x : (F)(0.0f);
-    F n = floor(x * 1.44269504f + 0.5f);
-    // ln 2 in two parts, the first exact in few bits so that n times it is exact.
-    F r = x - n * 0.693359375f - n * -2.12194440e-4f;
-    // Taylor's series to r^7 over |r| <= ln 2 / 2 ends below 1e-8.
-    F p = (F)(1.0f / 5040.0f);
-    p = p * r + 1.0f / 720.0f;
-    p = p * r + 1.0f / 120.0f;
-    p = p * r + 1.0f / 24.0f;
-    p = p * r + 1.0f / 6.0f;
-    p = p * r + 0.5f;
-    p = p * r + 1.0f;
-    p = p * r + 1.0f;
-    return p * OF_WIDTH(as_float, WIDTH)((to_int(n) + 127) << 23);
+// Rounded down, of what an integer holds. The language's own takes a dozen operations for what one does not.
+INLINE F floored(F v) {
+    F n = to_float(to_int(v));
+    return n > v ? n - 1.0f : n;
 }
 
 #endif
@@ -157,6 +175,78 @@ F exp_negative(F x) {
 #define FLOAT_float4 convert_float
 #define COLORED_float 0
 #define COLORED_float4 1
+
+// Where texels lie: in which of a field's slabs, and at which place in it.
+typedef struct {
+    I slab;
+    I place;
+} TEXEL_float;
+typedef struct {
+    int slab;
+    int place;
+} TEXEL_float4;
+
+// A texel and the next along x.
+typedef struct {
+    F near;
+    F far;
+} PAIR_float;
+typedef struct {
+    float4 near;
+    float4 far;
+} PAIR_float4;
+
+// 2^n and q of e^-x = 2^n (1 + q), for x from 0 to 87.
+INLINE F2 decay_parts(F x) {
+    // 1.5 times 2^23: a sum with it is rounded to an integer, which is its last bits.
+    F shifted = x * -1.44269504f + 12582912.0f;
+    F n = shifted - 12582912.0f;
+    // ln 2 in two parts, the first exact in few bits so that n times it is exact.
+    F r = n * -0.693359375f - x - n * -2.12194440e-4f;
+    // Taylor's series to r^7 over |r| <= ln 2 / 2 ends below 1e-8. In pairs, which wait less for each other.
+    F square = r * r;
+    F first = r * (1.0f / 6.0f) + 0.5f;
+    F second = r * (1.0f / 120.0f) + 1.0f / 24.0f;
+    F third = r * (1.0f / 5040.0f) + 1.0f / 720.0f;
+    F2 parts;
+    parts.x = as_float_lanes((as_int_lanes(shifted) + 127) << 23);
+    parts.y = r + square * (first + square * (second + square * third));
+    return parts;
+}
+
+#if WIDTH > 1
+
+// e^x for x <= 0, to two units in the last place; e^-87 and below is about 1e-38. The language's own is a call a lane.
+INLINE F exp_negative(F x) {
+    F2 parts = decay_parts(-(x > (F)(-87.0f) ? x : (F)(-87.0f)));
+    return parts.x + parts.x * parts.y;
+}
+
+// What the upper halves of words are. A half's bits in the places of a float's are 2^112 times smaller; the language's own may be a
+// call a lane.
+INLINE F from_half(U words) {
+    return as_float_lanes(as_signed(words) >> 3 & (int)0x8fffe000u) * 0x1p112f;
+}
+
+// The floats at each lane's index and behind it, by one load a lane.
+#define FLOATS_AT(lane) AT(__global const Floats *, from, i, lane)
+INLINE PAIR_float fetch_pair(__global const float *from, I i) {
+    float16 first = as_float16((ulong8)(FLOATS_AT(0), FLOATS_AT(1), FLOATS_AT(2), FLOATS_AT(3), FLOATS_AT(4),
+                                        FLOATS_AT(5), FLOATS_AT(6), FLOATS_AT(7)));
+    PAIR_float pair;
+#if WIDTH == 8
+    pair.near = first.even;
+    pair.far = first.odd;
+#else
+    float16 second = as_float16((ulong8)(FLOATS_AT(8), FLOATS_AT(9), FLOATS_AT(a), FLOATS_AT(b), FLOATS_AT(c),
+                                         FLOATS_AT(d), FLOATS_AT(e), FLOATS_AT(f)));
+    pair.near = (F)(first.even, second.even);
+    pair.far = (F)(first.odd, second.odd);
+#endif
+    return pair;
+}
+
+#endif
 
 // Number of a packet's first element within its dispatch.
 size_t number(void) {
@@ -184,6 +274,56 @@ void put(F v, __global float *to, U index, const int *marked) {
         if (marked[i]) {
             to[at[i]] = values[i];
         }
+    }
+}
+
+// Stores eight floats a lane that is marked, as two vectors behind each other.
+void put_eight(__global float4 *to, U index, M kept, F3 first, F fourth, F3 second, F eighth) {
+    float values[8 * WIDTH];
+    uint at[WIDTH];
+    int marked[WIDTH];
+    unpack(first.x, values);
+    unpack(first.y, values + WIDTH);
+    unpack(first.z, values + 2 * WIDTH);
+    unpack(fourth, values + 3 * WIDTH);
+    unpack(second.x, values + 4 * WIDTH);
+    unpack(second.y, values + 5 * WIDTH);
+    unpack(second.z, values + 6 * WIDTH);
+    unpack(eighth, values + 7 * WIDTH);
+    unpack(index, at);
+    unpack(kept, marked);
+    for (uint i = 0u; i < WIDTH; i++) {
+        if (marked[i]) {
+            const float *v = values + i;
+            to[2u * at[i]] = (float4)(v[0], v[WIDTH], v[2 * WIDTH], v[3 * WIDTH]);
+            to[2u * at[i] + 1u] = (float4)(v[4 * WIDTH], v[5 * WIDTH], v[6 * WIDTH], v[7 * WIDTH]);
+        }
+    }
+}
+
+// Stores the first `count` lanes, one behind the other.
+void put_row(F v, __global float *to, uint count) {
+    if (count == WIDTH) {
+        unpack(v, to);
+        return;
+    }
+    float values[WIDTH];
+    unpack(v, values);
+    for (uint i = 0u; i < count; i++) {
+        to[i] = values[i];
+    }
+}
+
+// Stores the first `count` lanes as four floats each, the last of them zero.
+void put_colors(F3 v, __global float *to, uint count) {
+    float x[WIDTH];
+    float y[WIDTH];
+    float z[WIDTH];
+    unpack(v.x, x);
+    unpack(v.y, y);
+    unpack(v.z, z);
+    for (uint i = 0u; i < count; i++) {
+        vstore4((float4)(x[i], y[i], z[i], 0.0f), i, to);
     }
 }
 

@@ -8,6 +8,7 @@ use ocl::core::{self, DeviceId, DeviceInfo as Query, DeviceType, PlatformId, Pla
 use crate::OpenclDevice;
 use crate::cl::{Cl, Fault};
 use crate::source::Lanes;
+use crate::store::ROOM;
 
 /// Held while devices are looked for and opened: drivers that set themselves up on their first use do not all expect
 /// two threads at once (PoCL 3.1 does not).
@@ -171,7 +172,7 @@ fn describe(index: usize, found: &Found) -> DeviceInfo {
         memory_bytes,
         limits: Limits {
             buffer_bytes: largest,
-            binding_bytes: largest,
+            binding_bytes: largest - ROOM,
             // Kernels count texels of a slab with 31 bits; that product is checked where a field is made.
             field_side: i32::MAX as u32,
             loop_turns: None,

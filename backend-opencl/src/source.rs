@@ -133,7 +133,15 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
         Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),
         Stage::Path(_) => (file!("path.cl"), scalars(1)),
-        Stage::Evaluate(_) => (file!("evaluate.cl"), scalars(1)),
+        Stage::Evaluate(evaluate) => (
+            file!("evaluate.cl"),
+            match lanes {
+                Lanes::One => scalars(1),
+                Lanes::Eight | Lanes::Sixteen if evaluate.params.folded == 1 => ((1, 1), wide),
+                // Rows of an item.
+                Lanes::Eight | Lanes::Sixteen => ((1, EVALUATE_ROWS), wide),
+            },
+        ),
         Stage::Reconstruct(_) => (file!("reconstruct.cl"), scalars(1)),
         Stage::Photons(_) => (file!("photons.cl"), scalars(1)),
         Stage::Classify(_) => (file!("classify.cl"), packets(Classify::PACK)),
@@ -157,6 +165,9 @@ pub(crate) struct Dispatch {
 
 /// Work-items of a team where each is a lane.
 const TEAM: u32 = 256;
+
+/// Rows that a work-item of `evaluate` goes through together, as its kernel says.
+const EVALUATE_ROWS: u32 = 4;
 
 /// Coefficients that a work-item of `sweep` adds up, as its kernel says.
 const SWEEP_TAKEN: u32 = 4;
@@ -260,8 +271,8 @@ impl Source {
         let _ = writeln!(out, "#define WIDTH {}\n{}", self.width, PACKET);
         let params = self.recipe.params;
         let _ = writeln!(out, "typedef struct {{\n    {params} params;\n    Launch launch;\n}} Constants;");
-        let _ = writeln!(out, "typedef struct {{\n    __constant const {params} *params;");
-        let _ = writeln!(out, "    __constant const Launch *launch;");
+        let _ = writeln!(out, "typedef struct {{\n    const {params} *params;");
+        let _ = writeln!(out, "    const Launch *launch;");
         for (kind, name) in shapes.iter().flat_map(members) {
             let _ = writeln!(out, "    {kind}{name};");
         }
@@ -270,11 +281,7 @@ impl Source {
         }
         out += "} Bound;\n";
         for shape in shapes {
-            if let ShapeKind::Field { bricks, .. } = shape.kind {
-                out += &if bricks { bricks::texel(shape) } else { texel(shape) };
-                out += &texels(shape, self.width);
-                out += &if bricks { bricks::uniform(shape) } else { uniform(shape) };
-            }
+            out += &texels::texels(shape, self.width);
         }
         out
     }
@@ -299,100 +306,14 @@ impl Source {
         }
         let (name, entry) = (self.name, entry_point(self.name));
         format!(
-            "__kernel void {entry}(__constant const Constants *constants{arguments}) {{\n    Bound bound;\n    \
-             bound.params = &constants->params;\n    bound.launch = &constants->launch;\n{filled}    \
+            "__kernel void {entry}(const Constants constants{arguments}) {{\n    Bound bound;\n    \
+             bound.params = &constants.params;\n    bound.launch = &constants.launch;\n{filled}    \
              run_{name}(&bound);\n}}\n"
         )
-    }
-}
-
-/// The statements that return the texel at `place`, an `int`, of slab `number`.
-fn load(shape: &Shape, number: &str) -> String {
-    let ShapeKind::Field { slabs, format, .. } = shape.kind else { return String::new() };
-    let name = shape.name;
-    let one = |slab: u32| {
-        let texel = match format {
-            FieldFormat::Half { .. } => format!("vload_half(place, bound->{name}_{slab})"),
-            FieldFormat::Scalar | FieldFormat::Rgba => format!("bound->{name}_{slab}[place]"),
-        };
-        OPENCL.scaled(format, &texel)
-    };
-    if slabs == 1 {
-        return format!("    return {};\n", one(0));
-    }
-    let case = |slab| if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
-    let cases: String = (0..slabs).map(|slab| format!("        {}: return {};\n", case(slab), one(slab))).collect();
-    format!("    switch ({number}) {{\n{cases}    }}\n")
-}
-
-/// The function that reads a texel of a dense field: layer fastest, then x, y and z.
-fn texel(shape: &Shape) -> String {
-    let ShapeKind::Field { slabs, layered, .. } = shape.kind else { return String::new() };
-    let (name, value) = (shape.name, shape.element.name(OPENCL));
-    let place = |z: &str| {
-        let texel = format!("({z} * size.y + at.y) * size.x + at.x");
-        if layered { format!("({texel}) * bound->{name}_layers + layer") } else { texel }
-    };
-    let mut out = String::new();
-    let _ = writeln!(out, "{value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{");
-    // All slabs but the last have the slices of the first.
-    let z = if slabs == 1 { "at.z".to_owned() } else { format!("(at.z % bound->{name}_per_slab)") };
-    let _ = writeln!(out, "    int place = {};", place(&z));
-    out + &load(shape, &format!("at.z / bound->{name}_per_slab")) + "}\n"
-}
-
-/// What [`bricks::uniform`] says, of a dense field: nothing.
-fn uniform(shape: &Shape) -> String {
-    let name = shape.name;
-    format!(
-        "bool uniform_{name}(const Bound *bound, int3 lo, int3 hi, int3 size) {{\n    return false;\n}}\nint \
-         empty_{name}(const Bound *bound, int3 at, int3 size) {{\n    return 0;\n}}\n"
-    )
-}
-
-/// The function that reads what lookups take together: of floats a texel a lane, of colours one.
-fn texels(shape: &Shape, width: u32) -> String {
-    let ShapeKind::Field { slabs, layered, format, bricks } = shape.kind else { return String::new() };
-    let (name, value) = (shape.name, shape.element.name(OPENCL));
-    let mut out = format!(
-        "FOUND_{value} texels_{name}(const Bound *bound, INDEX_{value} x, INDEX_{value} y, INDEX_{value} z, int3 size, \
-         int layer) {{\n"
-    );
-    let body = match format {
-        _ if width == 1 || value != "float" => {
-            format!("    return texel_{name}(bound, (int3)(x, y, z), size, layer);\n")
-        }
-        _ if slabs == 1 && !layered => {
-            let dense = "    INDEX_float place = (z * size.y + y) * size.x + x;\n".to_owned();
-            let place = if bricks { bricks::places(name, format) } else { dense };
-            place + &fetches(name, format)
-        }
-        _ => format!(
-            "    int column[WIDTH];\n    int row[WIDTH];\n    int slice[WIDTH];\n    float found[WIDTH];\n    \
-             unpack(x, column);\n    unpack(y, row);\n    unpack(z, slice);\n    \
-             for (uint i = 0u; i < WIDTH; i++) {{\n        \
-             found[i] = texel_{name}(bound, (int3)(column[i], row[i], slice[i]), size, layer);\n    }}\n    \
-             return pack(found);\n"
-        ),
-    };
-    out += &body;
-    out + "}\n"
-}
-
-/// The statements that return the texels at `place` of the only slab. Where lanes are those of vectors, `vload_half` may be a
-/// call for each: a half's bits in the places of a float's are 2^112 times smaller.
-fn fetches(name: &str, format: FieldFormat) -> String {
-    match format {
-        FieldFormat::Half { .. } => format!(
-            "    U bits = fetch_uint((__global const ushort *)bound->{name}_0, place);\n    \
-             F found = OF_WIDTH(as_float, WIDTH)((bits & 0x8000u) << 16 | (bits & 0x7fffu) << 13) * 0x1p112f;\n    \
-             return {};\n",
-            OPENCL.scaled(format, "found")
-        ),
-        FieldFormat::Scalar | FieldFormat::Rgba => format!("    return fetch(bound->{name}_0, place);\n"),
     }
 }
 
 mod bricks;
 #[cfg(test)]
 pub(crate) mod tests;
+mod texels;

@@ -17,6 +17,9 @@ pub(crate) enum Resource {
     Field(Volume),
 }
 
+/// Bytes behind the last texel of a slab: what is beside it has no weight, but is read with it.
+pub(crate) const ROOM: u64 = 4;
+
 /// A buffer and the bytes that were asked for, which it may exceed.
 #[derive(Debug)]
 pub(crate) struct Memory {
@@ -50,6 +53,11 @@ impl Scratch {
         }
         let made = self.mem.as_ref().map(|(mem, _)| mem);
         made.ok_or_else(|| DeviceError::Invalid("there is no scratch memory".into()))
+    }
+
+    /// Bytes that it has.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.mem.as_ref().map_or(0, |(_, bytes)| *bytes)
     }
 }
 
@@ -110,7 +118,7 @@ impl Volume {
             let (what, limit) = ("a field", slabs.per_slab as u64 * slice as u64 * u64::from(MAX_SLABS));
             return Err(DeviceError::Limit { what, requested: spec.bytes(), limit });
         }
-        let bytes = |slab| slabs.range(slab).len() as u64 * spec.slice_bytes();
+        let bytes = |slab| slabs.range(slab).len() as u64 * spec.slice_bytes() + ROOM;
         let parts = (0..slabs.count()).map(|slab| cl.zeros(bytes(slab)));
         let parts = parts.collect::<Result<_, DeviceError>>()?;
         Ok(Self { spec, slabs, index: None, parts })
@@ -193,6 +201,11 @@ impl Store {
     /// Drops a resource, if it exists. OpenCL frees it when no work needs it any more.
     pub(crate) fn remove(&mut self, id: ResourceId) {
         self.resources.remove(&id);
+    }
+
+    /// Bytes of all resources.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.resources.values().map(|resource| resource.spec().bytes()).sum()
     }
 
     /// A resource.

@@ -152,8 +152,12 @@ const OPENCL: Backend = Backend {
     ending: "cl",
     own: &[
         ("field", "colors", LANES),
+        ("field", "grouped", GROUPS),
+        ("field", "between", GROUPS),
+        ("segment", "decay", "packets do without a quotient where they can"),
+        ("march", "cells_at", "an expression elsewhere"),
+        ("classify", "mixed", "a closure, or an operation on vectors, elsewhere"),
         ("trace", "places", LANES),
-        ("march", "store", LANES),
         ("march", "load", LANES),
         ("march", "full", "stands in several places of a packet's pixels"),
         ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
@@ -162,10 +166,10 @@ const OPENCL: Backend = Backend {
         ("sweep", "corner", PLANE),
         ("sweep", "load", PLANE),
         ("sweep", "enter", PLANE),
-        ("sweep", "border", PLANE),
+        ("sweep", "lay", PLANE),
         ("sweep", "between", PLANE),
     ],
-    lacks: &[],
+    lacks: &[("field", "nearest", GROUPS)],
 };
 
 const BACKENDS: [Backend; 3] = [CPU, WGPU, OPENCL];
@@ -223,8 +227,9 @@ fn declared(ending: &str, text: &str) -> Vec<String> {
     found
 }
 
-/// The type and the rest of a line `TYPE name(…) {`, which begins at its left edge.
+/// The type and the rest of a line `TYPE name(…) {`, which begins at its left edge, behind `INLINE` in some.
 fn c_function(line: &str) -> Option<(&str, &str)> {
+    let line = line.strip_prefix("INLINE ").unwrap_or(line);
     let (before, _) = line.split_once('(')?;
     let (kind, _) = before.split_once(' ')?;
     let is_type = kind.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !before.ends_with(' ');

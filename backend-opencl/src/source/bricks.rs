@@ -1,44 +1,43 @@
-//! Lookups of a field in bricks.
+//! Fields in bricks.
 
-use airlight_core::device::{BrickLayout, FieldFormat};
+use airlight_core::device::BrickLayout;
 
-use super::{OPENCL, Shape, ShapeKind, load};
+use super::{Shape, ShapeKind};
 
-/// The functions that find a block's brick, and read a texel of the field and of a brick.
-pub(super) fn texel(shape: &Shape) -> String {
+/// Bits of a coordinate within a block, and the bits themselves.
+const SHIFT: u32 = BrickLayout::BLOCK.trailing_zeros();
+const MASK: u32 = BrickLayout::BLOCK - 1;
+
+/// The functions that find a texel in its block's brick, and its neighbours, which are in the same one.
+pub(super) fn places(shape: &Shape) -> String {
     let ShapeKind::Field { slabs, format, .. } = shape.kind else { return String::new() };
-    let (name, value) = (shape.name, shape.element.name(OPENCL));
-    let (block, side) = (BrickLayout::BLOCK, BrickLayout::SIDE);
-    let (shift, mask) = (block.trailing_zeros(), block - 1);
-    let texels = BrickLayout::brick_bytes(format) / format.bytes();
+    let (name, side) = (shape.name, BrickLayout::SIDE);
+    let (slice, texels) = (side * side, BrickLayout::brick_bytes(format) / format.bytes());
     // All slabs but the last have the bricks of the first.
-    let within = if slabs == 1 { "brick".to_owned() } else { format!("(brick % bound->{name}_per_slab)") };
-    let load = load(shape, &format!("brick / bound->{name}_per_slab"));
+    let (slab, brick) = match slabs {
+        1 => ("0".to_owned(), "brick".to_owned()),
+        _ => (format!("brick / bound->{name}_per_slab"), format!("(brick % bound->{name}_per_slab)")),
+    };
     format!(
-        "int brick_{name}(const Bound *bound, int3 block, int3 size) {{
-    int3 blocks = (size + {mask}) >> {shift};
-    return (int)bound->{name}_index[(block.z * blocks.y + block.y) * blocks.x + block.x];
+        "INLINE TEXEL_float place_{name}(const Bound *bound, I x, I y, I z, int3 size, int layer) {{
+    int3 blocks = (size + {MASK}) >> {SHIFT};
+    I word = ((z >> {SHIFT}) * blocks.y + (y >> {SHIFT})) * blocks.x + (x >> {SHIFT});
+    I brick = as_signed(fetch_uint(bound->{name}_index, word));
+    TEXEL_float at;
+    at.slab = (I)({slab});
+    at.place = {brick} * {texels} + ((z & {MASK}) * {side} + (y & {MASK})) * {side} + (x & {MASK});
+    return at;
 }}
-{value} within_brick_{name}(const Bound *bound, int brick, int3 at) {{
-    int place = {within} * {texels} + (at.z * {side} + at.y) * {side} + at.x;
-{load}}}
-{value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{
-    return within_brick_{name}(bound, brick_{name}(bound, at >> {shift}, size), at & {mask});
+INLINE TEXEL_float behind_{name}(const Bound *bound, TEXEL_float at, I x, I y, I z, int3 size, int layer) {{
+    at.place += {slice};
+    return at;
 }}
-"
-    )
-}
-
-/// The statements that find the `place` of each lane's texel of the only slab.
-pub(super) fn places(name: &str, format: FieldFormat) -> String {
-    let (block, side) = (BrickLayout::BLOCK, BrickLayout::SIDE);
-    let (shift, mask) = (block.trailing_zeros(), block - 1);
-    let texels = BrickLayout::brick_bytes(format) / format.bytes();
-    format!(
-        "    int3 blocks = (size + {mask}) >> {shift};
-    INDEX_float word = ((z >> {shift}) * blocks.y + (y >> {shift})) * blocks.x + (x >> {shift});
-    INDEX_float brick = as_signed(fetch_uint(bound->{name}_index, word));
-    INDEX_float place = brick * {texels} + ((z & {mask}) * {side} + (y & {mask})) * {side} + (x & {mask});
+INLINE I below_{name}(const Bound *bound, I y, int3 size) {{
+    return (I)({side});
+}}
+INLINE I beside_{name}(const Bound *bound, I x, int3 size) {{
+    return (I)(1);
+}}
 "
     )
 }
@@ -46,13 +45,15 @@ pub(super) fn places(name: &str, format: FieldFormat) -> String {
 /// Whether all blocks from that of one texel to that of another are few and share a brick of one value; and how many texels along x,
 /// from one on, lie in a block that holds zero.
 pub(super) fn uniform(shape: &Shape) -> String {
-    let name = shape.name;
-    let (block, most) = (BrickLayout::BLOCK, BrickLayout::SAME);
-    let (shift, mask) = (block.trailing_zeros(), block - 1);
+    let (name, block, most) = (shape.name, BrickLayout::BLOCK, BrickLayout::SAME);
     format!(
-        "bool uniform_{name}(const Bound *bound, int3 lo, int3 hi, int3 size) {{
-    int3 first = lo >> {shift};
-    int3 last = hi >> {shift};
+        "int brick_{name}(const Bound *bound, int3 block, int3 size) {{
+    int3 blocks = (size + {MASK}) >> {SHIFT};
+    return (int)bound->{name}_index[(block.z * blocks.y + block.y) * blocks.x + block.x];
+}}
+bool uniform_{name}(const Bound *bound, int3 lo, int3 hi, int3 size) {{
+    int3 first = lo >> {SHIFT};
+    int3 last = hi >> {SHIFT};
     int brick = brick_{name}(bound, first, size);
     int3 count = last - first + 1;
     bool same = brick < bound->{name}_constants && count.x * count.y * count.z <= {most};
@@ -66,9 +67,8 @@ pub(super) fn uniform(shape: &Shape) -> String {
     return same;
 }}
 int empty_{name}(const Bound *bound, int3 at, int3 size) {{
-    int brick = brick_{name}(bound, at >> {shift}, size);
-    if (brick < bound->{name}_constants && within_brick_{name}(bound, brick, (int3)(0)) == 0.0f) {{
-        return {block} - (at.x & {mask});
+    if (brick_{name}(bound, at >> {SHIFT}, size) < bound->{name}_constants && texel_{name}(bound, at, size, 0) == 0.0f) {{
+        return {block} - (at.x & {MASK});
     }}
     return 0;
 }}

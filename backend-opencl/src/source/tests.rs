@@ -57,7 +57,7 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
             let (source, shapes) = (of(stage, Lanes::One), shapes(stage, 2, true));
             let text = source.text(&shapes);
             let mut taken = arguments(&text, source.name).into_iter();
-            assert_eq!(taken.next(), Some("__constant const Constants *constants"));
+            assert_eq!(taken.next(), Some("const Constants constants"));
             for shape in shapes.iter().filter(|shape| shape.present) {
                 let name = shape.name;
                 let expected = match shape.kind {
@@ -80,6 +80,19 @@ fn kernels_take_what_their_stages_list_under_the_same_names() {
             let scratch = source.shares().then_some("__global float *restrict scratch");
             assert_eq!((taken.next(), taken.next()), (scratch, None), "{}", source.name);
         }
+    }
+}
+
+#[test]
+fn arguments_take_no_more_than_every_device_passes() {
+    // What OpenCL 1.2 promises of CL_DEVICE_MAX_PARAMETER_SIZE.
+    const MOST: usize = 1024;
+    for stage in &examples(true) {
+        let source = of(stage, Lanes::One);
+        let text = source.text(&shapes(stage, 1, true));
+        let sizes = arguments(&text, source.name).into_iter().skip(1).map(|a| if a.contains('*') { 8 } else { 4 });
+        let bytes = stage.params().len() + size_of::<Launch>() + sizes.sum::<usize>();
+        assert!(bytes <= MOST, "{}: {bytes} bytes", source.name);
     }
 }
 
@@ -143,9 +156,9 @@ fn a_compiler_is_told_the_file_of_every_line() {
         if let Some(name) = line.strip_prefix("#line 1 ") {
             (file, number) = (name, 0);
         }
-        if line.contains("F e = exp_negative(-tau)") {
+        if line.contains("F2 piece = decay(tau);") {
             let segment = helper(Helper::Segment).text;
-            let there = segment.lines().position(|line| line.contains("exp_negative(-tau);")).unwrap() + 1;
+            let there = segment.lines().position(|line| line.contains("F2 piece = decay(tau);")).unwrap() + 1;
             assert_eq!((file, number), ("\"kernels/segment.cl\"", there));
             return;
         }

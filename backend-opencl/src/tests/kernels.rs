@@ -44,8 +44,8 @@ fn kernels_build_for_halves_and_bricks() {
 fn the_compiler_lays_structs_out_as_rust_does() {
     let Some(mut device) = device() else { return };
     fn check<T: KernelStruct>(device: &mut crate::OpenclDevice, id: u32) {
-        let mut text = T::text(KernelLanguage::Opencl)
-            + "__kernel void stage_layout(__constant const uint *none, __global uint *out) {\n";
+        let mut text =
+            T::text(KernelLanguage::Opencl) + "__kernel void stage_layout(const uint4 none, __global uint *out) {\n";
         let _ = writeln!(text, "    {} value;\n    out[0] = sizeof(value);", T::NAME);
         for (at, field) in (1..).zip(T::FIELDS) {
             let (name, pointer) = (field.name, "(__private char *)&value");

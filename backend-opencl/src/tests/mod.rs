@@ -65,3 +65,18 @@ fn relight_into(device: &mut dyn Device, first: u32, records: &[f32]) -> Relight
         out: empty(device, first + 2, records.len()),
     }
 }
+
+#[test]
+fn free_memory_is_less_by_what_is_held_and_by_scratch_memory() {
+    let Some(mut device) = device() else { return };
+    let buffer = empty::<u32>(&mut device, 0, 1000);
+    assert_eq!(device.held(), buffer.bytes());
+    device.scratch.of(&mut device.cl, 1 << 20).unwrap();
+    device.scratch.of(&mut device.cl, 1 << 10).unwrap();
+    assert_eq!(device.held(), buffer.bytes() + (1 << 20));
+    if let Some(all) = device.info().memory_bytes {
+        assert!(device.free_memory().is_some_and(|free| free > 0 && free <= all - device.held()));
+    }
+    device.destroy(buffer.id);
+    assert_eq!(device.held(), 1 << 20);
+}
