@@ -18,7 +18,8 @@ use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
 use crate::engine::Engine;
 use crate::filter::{self, Filter};
-use crate::gpu::{Gpu, STAGING};
+use crate::gpu::Gpu;
+use crate::groups::Groups;
 use crate::launch::{self, Launches, Shot};
 use crate::memory::{Resource, texture_format};
 use crate::part::{Key, Part, Steady};
@@ -37,6 +38,7 @@ pub struct WgpuDevice {
     /// Kernels.
     pub(crate) pipelines: HashMap<Key, Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
+    pub(crate) groups: Groups,
     pub(crate) engine: Engine,
     /// Where texture units interpolate.
     pub(crate) sampler: Option<Sampler>,
@@ -61,6 +63,7 @@ impl WgpuDevice {
             gpu,
             pipelines: HashMap::new(),
             publishers: HashMap::new(),
+            groups: Groups::default(),
             engine: Engine::default(),
             sampler,
             steady: Steady::default(),
@@ -73,6 +76,14 @@ impl WgpuDevice {
     pub(crate) fn set_filter(&mut self, filter: Filter) {
         self.sampler = filter::sampler(&self.gpu, &mut self.info, filter);
         self.pipelines.clear();
+        self.groups.clear();
+    }
+
+    /// Drops a resource, if it exists.
+    pub(crate) fn remove(&mut self, id: ResourceId) {
+        if let Some(gone) = self.store.remove(id) {
+            self.groups.forget(&gone);
+        }
     }
 
     pub(crate) fn binding_limits(&self) -> BindingLimits {
@@ -92,14 +103,13 @@ impl WgpuDevice {
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
         if self.texels {
-            let numbers = part.numbers(params);
-            if self.steady.is(&key, &numbers, self.pipelines.len()) {
-                (key.known, variant.known) = (Some(numbers), Some(params));
-            }
+            let words = bytemuck::cast_slice(params);
+            key.known = self.steady.known(&key, words, || part.integers(), self.pipelines.len());
         }
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok((Arc::clone(pipeline), variant.fetched));
         }
+        variant.known = key.known.as_ref();
         let build = |variant| {
             let (text, shapes) = (part.text(&key.shapes, variant), (&key.shapes[..], variant.fetched));
             Pipeline::of_stage(&self.gpu, part.name, &text, shapes, self.sampler.as_ref())
@@ -109,9 +119,9 @@ impl WgpuDevice {
             Err(DeviceError::Backend(_)) if variant.known.is_some() => build(Variant { known: None, ..variant }),
             built => built,
         };
-        let built = Arc::new(built?);
+        let (built, fetched) = (Arc::new(built?), variant.fetched);
         self.pipelines.insert(key, Arc::clone(&built));
-        Ok((built, variant.fetched))
+        Ok((built, fetched))
     }
 
     fn publisher(&mut self, format: FieldFormat) -> Result<Arc<Pipeline>, DeviceError> {
@@ -133,6 +143,9 @@ impl WgpuDevice {
             let (pipeline, fetched) = self.prepared(part, cut, stage.params())?;
             prepared.push((part, cut, pipeline, fetched));
         }
+        if self.gpu.batch.take_lost() {
+            self.store.forget_copies();
+        }
         let launches = prepared.iter().map(|(part, cut, pipeline, fetched)| {
             let copies = self.store.stale(&part.bindings, *fetched);
             self.store.wrote(&part.bindings);
@@ -145,24 +158,16 @@ impl WgpuDevice {
             Ok(Launches { pipeline, params, units, sequential, copies, shots })
         });
         let launches = launches.collect::<Result<Vec<_>, DeviceError>>();
-        let sent = launches.and_then(|launches| {
+        let recorded = launches.and_then(|launches| {
             let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
-            launch::send(&self.gpu, &self.limits, &launches, stamps).inspect_err(|_| {
+            let (gpu, groups) = (&mut self.gpu, &mut self.groups);
+            launch::record(gpu, groups, &self.limits, stage.name(), &launches, stamps).inspect_err(|_| {
                 // A dispatch that failed has no time.
                 self.clock.take_back();
             })
         });
-        match sent {
-            Ok(sent) => {
-                self.gpu.sent(stage.name(), sent);
-                Ok(())
-            }
-            Err(error) => {
-                // Nor were copies made.
-                parts.iter().for_each(|part| self.store.forget(&part.bindings));
-                Err(error)
-            }
-        }
+        // Nor were copies made.
+        recorded.inspect_err(|_| self.store.forget_copies())
     }
 }
 
@@ -189,7 +194,7 @@ impl Device for WgpuDevice {
     }
 
     fn destroy(&mut self, id: ResourceId) {
-        self.store.remove(id);
+        self.remove(id);
     }
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
@@ -199,14 +204,7 @@ impl Device for WgpuDevice {
         match resource {
             Resource::Buffer(memory) => {
                 memory.changed();
-                let mut at = offset;
-                for chunk in data.chunks(STAGING as usize) {
-                    let bytes = chunk.len() as u64;
-                    self.gpu.guarded(bytes, || self.gpu.queue.write_buffer(&memory.buffer, at, chunk))?;
-                    self.gpu.wrote(bytes)?;
-                    at += bytes;
-                }
-                Ok(())
+                self.gpu.write_buffer(&memory.buffer, offset, data)
             }
             Resource::Field(volume) => volume.write(&mut self.gpu, offset, data),
         }
@@ -215,6 +213,7 @@ impl Device for WgpuDevice {
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
         self.store.get(id)?.spec().check_read(offset, out.len())?;
+        self.gpu.count(|made| &mut made.reads);
         self.gpu.read(&self.store.buffer(id)?.buffer, offset, out)
     }
 
@@ -245,8 +244,7 @@ impl Device for WgpuDevice {
             let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
             let copies = Vec::new();
             let launches = Launches { pipeline: &pipeline, params, units, sequential: None, copies, shots };
-            let sent = launch::send(&self.gpu, &self.limits, &[launches], None)?;
-            self.gpu.sent("publishing", sent);
+            launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;
         }
         Ok(())
     }

@@ -115,9 +115,12 @@ pub(crate) struct Variant<'p> {
     pub(crate) filtered: bool,
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
-    /// Parameters whose integers are known when it is built.
-    pub(crate) known: Option<&'p [u8]>,
+    /// Integers of the parameters that are known when it is built.
+    pub(crate) known: Option<&'p Numbers>,
 }
+
+/// The words of each integer of a kernel's parameters, in their order; nothing where they are left to the parameters.
+pub(crate) type Numbers = Vec<Option<Vec<u32>>>;
 
 /// The kernel of a stage.
 #[derive(Debug)]
@@ -210,11 +213,10 @@ pub(crate) fn integers(source: Option<&Source>) -> Vec<Range<usize>> {
 }
 
 /// A kernel's text, with the integers of its parameters as numbers where they are known. Lines stay where they are.
-fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&[u8]>) -> Text {
+fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbers>) -> Text {
     if let Some(known) = known {
-        let words: &[u32] = bytemuck::cast_slice(known);
-        let integers = reads::integers(structs, params);
-        let integers: Vec<_> = integers.into_iter().map(|(name, at)| (name, &words[at])).collect();
+        let integers = reads::integers(structs, params).into_iter().zip(known);
+        let integers: Vec<_> = integers.filter_map(|((name, _), words)| Some((name, &words.as_ref()?[..]))).collect();
         text.whole = reads::replaced(&text.whole, &integers);
     }
     text

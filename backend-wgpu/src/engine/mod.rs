@@ -257,9 +257,12 @@ impl WgpuDevice {
         self.store.wrote(&bindings);
         let copies = Vec::new();
         let launches = Launches { pipeline, params, units: text::UNITS, sequential: None, copies, shots };
-        let sent = launch::send(&self.gpu, &self.limits, &[launches], None)?;
-        self.gpu.sent("an engine's frame", sent);
-        Ok(())
+        let what = "an engine's frame";
+        let recorded = launch::record(&mut self.gpu, &mut self.groups, &self.limits, what, &[launches], None);
+        // Its textures may be gone with its next frame.
+        views.iter().for_each(|(_, view)| self.groups.forget_texture(view));
+        recorded?;
+        self.gpu.send()
     }
 }
 

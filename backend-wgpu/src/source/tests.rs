@@ -54,8 +54,9 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                 let shapes = shapes(stage, slabs);
                 let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
                 let plain = Variant::default();
-                let ones = vec![1_u32; stage.params().len() / 4];
-                let known = Some(bytemuck::cast_slice(&ones));
+                let places = integers(Some(&of(stage))).into_iter();
+                let ones: Numbers = places.map(|at| Some(vec![1; at.len()])).collect();
+                let known = Some(&ones);
                 let variants = [
                     plain,
                     Variant { filtered: true, ..plain },

@@ -3,6 +3,7 @@
 
 mod engine;
 mod filter;
+mod steady;
 mod trouble;
 
 use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};
