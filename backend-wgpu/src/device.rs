@@ -43,6 +43,8 @@ pub struct WgpuDevice {
     /// Where texture units interpolate.
     pub(crate) sampler: Option<Sampler>,
     steady: Steady,
+    /// Invocations of a workgroup, where they do not work together.
+    pub(crate) units: u32,
     /// Whether kernels read fields, and copies of buffers, as storage textures.
     pub(crate) texels: bool,
     clock: Clock,
@@ -55,10 +57,12 @@ impl WgpuDevice {
         let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
         let limits = gpu.device.limits();
         let sampler = filter::sampler(&gpu, &mut info, Filter::default());
-        let texels = adapter::fetches(&gpu.device.adapter_info());
+        let adapter = gpu.device.adapter_info();
+        let texels = adapter::fetches(&adapter);
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
+            units: adapter::units_for(&adapter, &limits),
             limits,
             gpu,
             pipelines: HashMap::new(),
@@ -95,7 +99,12 @@ impl WgpuDevice {
     fn prepared(&mut self, part: &Part, cut: Cut, params: &[u8]) -> Result<(Arc<Pipeline>, Fetched), DeviceError> {
         let bindings = &part.bindings;
         let shapes = self.store.shapes(bindings, self.limits.max_sampled_textures_per_shader_stage)?;
-        let mut variant = Variant { filtered: self.sampler.is_some(), gathers: part.gathers, ..Variant::default() };
+        let mut variant = Variant {
+            units: self.units,
+            filtered: self.sampler.is_some(),
+            gathers: part.gathers,
+            ..Variant::default()
+        };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
             variant.fetched = self.store.fetched(&shapes, bindings, variant.filtered, &self.limits);
@@ -128,7 +137,7 @@ impl WgpuDevice {
         if let Some(pipeline) = self.publishers.get(&format) {
             return Ok(Arc::clone(pipeline));
         }
-        let built = Pipeline::of_publish(&self.gpu, &source::publish_text(format), texture_format(format))?;
+        let built = Pipeline::of_publish(&self.gpu, &source::publish_text(format, self.units), texture_format(format))?;
         Ok(Arc::clone(self.publishers.entry(format).or_insert(Arc::new(built))))
     }
 
@@ -154,7 +163,8 @@ impl WgpuDevice {
                 Ok(Shot { range: piece.range, first: part.first.unwrap_or(piece.groups.start), bound })
             });
             let shots = shots.collect::<Result<_, DeviceError>>()?;
-            let (params, units, sequential) = (stage.params(), part.units, part.sequential);
+            let units = if part.alone { self.units } else { 1 };
+            let (params, sequential) = (stage.params(), part.sequential);
             Ok(Launches { pipeline, params, units, sequential, copies, shots })
         });
         let launches = launches.collect::<Result<Vec<_>, DeviceError>>();
@@ -241,7 +251,7 @@ impl Device for WgpuDevice {
                 Ok(Shot { range: piece.range, first: piece.groups.start, bound })
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-            let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
+            let (params, units) = (bytemuck::bytes_of(&params), self.units);
             let copies = Vec::new();
             let launches = Launches { pipeline: &pipeline, params, units, sequential: None, copies, shots };
             launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;

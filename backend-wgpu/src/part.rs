@@ -121,8 +121,8 @@ pub(crate) struct Part {
     pub(crate) axis: u32,
     pub(crate) group: u32,
     pub(crate) range: Range<u32>,
-    /// Units that a workgroup takes, or items of a unit.
-    pub(crate) units: u32,
+    /// Whether an invocation takes a unit, or an item of a unit; else a workgroup does.
+    pub(crate) alone: bool,
     /// Where units run in order, one a dispatch: the items of a unit.
     pub(crate) sequential: Option<u32>,
     /// In place of the first group of the buffers that are bound in parts.
@@ -142,7 +142,7 @@ impl Part {
             axis: stage.axis(),
             group: stage.group(),
             range,
-            units: source.units,
+            alone: source.alone,
             sequential: stage.sequential(),
             first: None,
             gathers: false,
@@ -202,7 +202,7 @@ impl WgpuDevice {
                         group: 1,
                         range: 0..items,
                         sequential: None,
-                        units: 64,
+                        alone: true,
                         first: Some(first),
                         gathers: false,
                         source: None,

@@ -5,6 +5,7 @@ mod engine;
 mod filter;
 mod steady;
 mod trouble;
+mod units;
 
 use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};
 use airlight_core::stage::{Relight, RelightParams};

@@ -20,7 +20,7 @@ fn medium(version: u32) -> GridMedium {
     GridMedium::new(Arc::new(grid), None).unwrap()
 }
 
-fn scene() -> Scene {
+pub(super) fn scene() -> Scene {
     Scene {
         camera: Camera {
             origin: DVec3::new(1.9, 1.3, 2.2),
