@@ -15,7 +15,7 @@ use crate::gpu::Made;
 fn medium(version: u32) -> GridMedium {
     let dims = UVec3::new(13, 9, 11);
     let lattice = Lattice::in_box(dims, DVec3::new(-0.4, 0.0, -0.3), DVec3::new(0.9, 0.8, 0.7)).unwrap();
-    let value = |i: u32| (i % 7 + version) as f32 * if i % 3 == 0 { 0.0 } else { 0.2 };
+    let value = |i: u32| (i % 7 + version) as f32 * if i.is_multiple_of(3) { 0.0 } else { 0.2 };
     let grid = Grid::dense(dims, lattice.index_to_world(), (0..dims.element_product()).map(value).collect()).unwrap();
     GridMedium::new(Arc::new(grid), None).unwrap()
 }
