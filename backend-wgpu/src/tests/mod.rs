@@ -3,6 +3,7 @@
 
 mod engine;
 mod filter;
+mod staging;
 mod steady;
 mod trouble;
 mod units;
