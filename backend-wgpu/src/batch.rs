@@ -11,7 +11,7 @@ use crate::gpu::Gpu;
 pub(crate) const UNIFORM: usize = 256;
 /// The fewest bytes of parameters that room is made for.
 const LEAST: u64 = 1 << 16;
-/// Dispatches that are sent together. A device that waits for the first of a frame waits for the host.
+/// Dispatches that are sent together, where the device has something to do meanwhile.
 const MOST: u32 = 8;
 
 /// Work to be sent together.
@@ -79,13 +79,15 @@ impl Gpu {
         Ok(self.batch.copies.insert(copies))
     }
 
-    /// Records a dispatch after all that was recorded. Where something shall not take too long, it is sent alone.
+    /// Records a dispatch after all that was recorded. It is sent at once where the device has nothing to do, and alone where
+    /// something shall not take too long.
     pub(crate) fn record(&mut self, what: &'static str, dispatch: CommandBuffer) -> Result<(), DeviceError> {
         self.close_copies()?;
         self.batch.commands.push(dispatch);
         self.batch.dispatches += 1;
         self.batch.what = Some(what);
-        if self.batch.dispatches >= MOST || self.patience.is_some() { self.send() } else { Ok(()) }
+        let now = self.idle || self.patience.is_some() || self.batch.dispatches >= MOST;
+        if now { self.send() } else { Ok(()) }
     }
 
     fn close_copies(&mut self) -> Result<(), DeviceError> {

@@ -51,6 +51,8 @@ pub(crate) struct Gpu {
     pub(crate) patience: Option<Duration>,
     /// Submissions that nobody has waited for, with what they are.
     under_way: VecDeque<(SubmissionIndex, &'static str)>,
+    /// Whether all of them were done when the last call began.
+    pub(crate) idle: bool,
     pub(crate) batch: Batch,
     pub(crate) staging: Staging,
     /// Where what is read back goes through.
@@ -110,6 +112,7 @@ impl Gpu {
             own: false,
             patience: None,
             under_way: VecDeque::new(),
+            idle: true,
             batch: Batch::default(),
             staging: Staging::default(),
             back: None,
@@ -131,14 +134,17 @@ impl Gpu {
         faults.late.take().map_or(Ok(()), Err)
     }
 
-    /// As [`Gpu::check`], after hearing of what happened since the last call: a lost device says nothing by itself.
-    pub(crate) fn enter(&self) -> Result<(), DeviceError> {
+    /// As [`Gpu::check`], after hearing of what happened since the last call: a lost device says nothing by itself. A device
+    /// that has nothing to do gets what was recorded.
+    pub(crate) fn enter(&mut self) -> Result<(), DeviceError> {
         // What polling says besides is heard when something is waited for. On a device of others it would call what
         // they wait for in the middle of our work.
-        if self.own {
-            let _ = self.device.poll(PollType::Poll);
-        }
-        self.check()
+        self.idle = match self.own {
+            true => matches!(self.device.poll(PollType::Poll), Ok(PollStatus::QueueEmpty)),
+            false => self.under_way.is_empty(),
+        };
+        self.check()?;
+        if self.idle { self.send() } else { Ok(()) }
     }
 
     /// Makes calls of wgpu and catches what they report; `bytes` is what they ask for.
@@ -203,6 +209,7 @@ impl Gpu {
 
     /// Books a submission that will be waited for.
     pub(crate) fn sent(&mut self, what: &'static str, submission: SubmissionIndex) {
+        self.idle = false;
         self.under_way.push_back((submission, what));
     }
 
