@@ -91,6 +91,8 @@ impl Clock {
         let dispatches = std::mem::take(&mut self.dispatches);
         let began = self.began.take();
         let stamped = std::mem::take(&mut self.stamped);
+        // Lavapipe takes the copy of time stamps only when what they stand behind is done.
+        gpu.wait_with_patience()?;
         let mut stamps = vec![0u64; 2 * stamped as usize];
         match &self.stamps {
             Some(buffer) if stamped > 0 => {

@@ -207,6 +207,11 @@ impl Gpu {
         self.patience = patience;
     }
 
+    /// Waits for all work so far where something of it may take too long.
+    pub(crate) fn wait_with_patience(&mut self) -> Result<(), DeviceError> {
+        if self.patience.is_some() { self.wait() } else { Ok(()) }
+    }
+
     /// Books a submission that will be waited for.
     pub(crate) fn sent(&mut self, what: &'static str, submission: SubmissionIndex) {
         self.idle = false;
