@@ -1,8 +1,8 @@
 // `evaluate`: what clusters of transfer matrices make of light. One invocation a moment, or a unit where folded.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let n = number(id) * 64u + lane;
+    let n = number(id) * UNITS + lane;
     if n >= launch.count {
         return;
     }

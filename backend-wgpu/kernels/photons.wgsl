@@ -47,9 +47,9 @@ struct Cargo {
 var<private> tally: array<i32, PHOTON_COUNTERS>;
 
 // The photon of a unit.
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn photons(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let n = number(id) * 64u + lane;
+    let n = number(id) * UNITS + lane;
     if n >= launch.count {
         return;
     }

@@ -1,8 +1,8 @@
 // `propagate`: columns or mean densities from every cell to each light. A dispatch is one step; one invocation an item.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn propagate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let item = number(id) * 64u + lane;
+    let item = number(id) * UNITS + lane;
     if item >= launch.count {
         return;
     }

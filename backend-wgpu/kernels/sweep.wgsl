@@ -1,9 +1,9 @@
 // `sweep`: light along many directions at the cells of a coarse grid, each from its neighbours upwind. A dispatch is one
 // step; one invocation a cell of a plane of one direction, or a coefficient of a cell's moments.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn sweep(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let item = number(id) * 64u + lane;
+    let item = number(id) * UNITS + lane;
     if item >= launch.count {
         return;
     }

@@ -1,8 +1,8 @@
 // `trace`: where view rays meet surfaces. One invocation a sub-pixel position.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn trace(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let n = number(id) * 64u + lane;
+    let n = number(id) * UNITS + lane;
     if n >= launch.count {
         return;
     }

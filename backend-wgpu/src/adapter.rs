@@ -5,12 +5,14 @@ use airlight_core::host;
 use wgpu::{Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags};
 
 use crate::gpu::Gpu;
-use crate::source::MAX_SLABS;
+use crate::source::{MAX_SLABS, UNITS};
 use crate::vulkan::{self, Stated};
 use crate::{WgpuDevice, loader};
 
 /// The most texels of a side that the index of a slab's slice is meant for; real limits are far below.
 const SIDE: u32 = 1 << 15;
+/// The most invocations of a workgroup that are worth their registers.
+const MOST_UNITS: u32 = 256;
 /// Memory that the invocations of a workgroup share in `project`.
 const WORKGROUP_BYTES: u32 = 2048;
 
@@ -105,6 +107,16 @@ pub(crate) fn fetches(info: &wgpu::AdapterInfo) -> bool {
     info.driver == "llvmpipe"
 }
 
+/// Invocations of a workgroup, where they do not work together: 64, or 128 on discrete graphics processors, whose
+/// multiprocessors hold too few workgroups to be full of smaller ones; at least a subgroup, and what the limits allow (decision
+/// 0264).
+pub(crate) fn units_for(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> u32 {
+    let wanted = if info.device_type == DeviceType::DiscreteGpu { 2 * UNITS } else { UNITS };
+    let most = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x);
+    // `shortfall` has seen to it that limits allow 64.
+    wanted.max(info.subgroup_max_size.next_power_of_two().min(MOST_UNITS)).min(most.max(1))
+}
+
 fn of_adapter(index: usize, adapter: &Adapter) -> DeviceInfo {
     let limits = adapter.limits();
     let unusable = shortfall(&limits);
@@ -151,5 +163,27 @@ pub(crate) fn describe(
         // Of kernels that interpolate themselves; the device that is made tells whether its texture units do.
         filter_bits: 24,
         unusable: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wgpu::Backend;
+
+    use super::*;
+
+    #[test]
+    fn workgroups_hold_a_subgroup_and_keep_to_the_limits() {
+        let limits = |most| wgpu::Limits { max_compute_invocations_per_workgroup: most, ..wgpu::Limits::default() };
+        for (kind, subgroup, most, expected) in [
+            (DeviceType::Cpu, 8, 1024, 64),
+            (DeviceType::IntegratedGpu, 32, 1024, 64),
+            (DeviceType::IntegratedGpu, 128, 1024, 128),
+            (DeviceType::DiscreteGpu, 32, 1024, 128),
+            (DeviceType::DiscreteGpu, 64, 64, 64),
+        ] {
+            let info = wgpu::AdapterInfo { subgroup_max_size: subgroup, ..wgpu::AdapterInfo::new(kind, Backend::Noop) };
+            assert_eq!(units_for(&info, &limits(most)), expected, "{kind:?} {subgroup} {most}");
+        }
     }
 }

@@ -4,7 +4,8 @@ use airlight_core::device::{BrickLayout, DeviceError, FieldSpec, Limits};
 use wgpu::{Extent3d, Texture, TextureFormat, TextureView};
 
 use crate::gpu::Gpu;
-use crate::memory::{Block, texture, write_texels};
+use crate::memory::texture;
+use crate::staging::Block;
 
 /// Places of bricks in an atlas, and where each block finds its own.
 #[derive(Debug)]
@@ -87,7 +88,7 @@ impl Atlas {
             };
             let (part, rest) = left.split_at(size.iter().product::<u32>() as usize);
             let block = Block { origin: [column, row, plane], size, texel: 4 };
-            write_texels(gpu, &self.index, block, bytemuck::cast_slice(part))?;
+            gpu.write_texels(&self.index, block, bytemuck::cast_slice(part))?;
             (at, left) = (at + part.len() as u32, rest);
         }
         Ok(())
@@ -117,7 +118,7 @@ impl Atlas {
             }
             let origin = [x, y, z].map(|n| n * BrickLayout::SIDE);
             let size = [count, 1, 1].map(|n| n * BrickLayout::SIDE);
-            write_texels(gpu, bricks, Block { origin, size, texel: texel as u32 }, &box_of_all)?;
+            gpu.write_texels(bricks, Block { origin, size, texel: texel as u32 }, &box_of_all)?;
             (at, left) = (at + count, rest);
         }
         Ok(())

@@ -18,7 +18,8 @@ use crate::clock::Clock;
 use crate::cut::{BindingLimits, Cut};
 use crate::engine::Engine;
 use crate::filter::{self, Filter};
-use crate::gpu::{Gpu, STAGING};
+use crate::gpu::Gpu;
+use crate::groups::Groups;
 use crate::launch::{self, Launches, Shot};
 use crate::memory::{Resource, texture_format};
 use crate::part::{Key, Part, Steady};
@@ -37,10 +38,13 @@ pub struct WgpuDevice {
     /// Kernels.
     pub(crate) pipelines: HashMap<Key, Arc<Pipeline>>,
     publishers: HashMap<FieldFormat, Arc<Pipeline>>,
+    pub(crate) groups: Groups,
     pub(crate) engine: Engine,
     /// Where texture units interpolate.
     pub(crate) sampler: Option<Sampler>,
     steady: Steady,
+    /// Invocations of a workgroup, where they do not work together.
+    pub(crate) units: u32,
     /// Whether kernels read fields, and copies of buffers, as storage textures.
     pub(crate) texels: bool,
     clock: Clock,
@@ -53,14 +57,17 @@ impl WgpuDevice {
         let tick = stamps.then(|| f64::from(gpu.queue.get_timestamp_period()));
         let limits = gpu.device.limits();
         let sampler = filter::sampler(&gpu, &mut info, Filter::default());
-        let texels = adapter::fetches(&gpu.device.adapter_info());
+        let adapter = gpu.device.adapter_info();
+        let texels = adapter::fetches(&adapter);
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
+            units: adapter::units_for(&adapter, &limits),
             limits,
             gpu,
             pipelines: HashMap::new(),
             publishers: HashMap::new(),
+            groups: Groups::default(),
             engine: Engine::default(),
             sampler,
             steady: Steady::default(),
@@ -73,6 +80,14 @@ impl WgpuDevice {
     pub(crate) fn set_filter(&mut self, filter: Filter) {
         self.sampler = filter::sampler(&self.gpu, &mut self.info, filter);
         self.pipelines.clear();
+        self.groups.clear();
+    }
+
+    /// Drops a resource, if it exists.
+    pub(crate) fn remove(&mut self, id: ResourceId) {
+        if let Some(gone) = self.store.remove(id) {
+            self.groups.forget(&gone);
+        }
     }
 
     pub(crate) fn binding_limits(&self) -> BindingLimits {
@@ -84,7 +99,12 @@ impl WgpuDevice {
     fn prepared(&mut self, part: &Part, cut: Cut, params: &[u8]) -> Result<(Arc<Pipeline>, Fetched), DeviceError> {
         let bindings = &part.bindings;
         let shapes = self.store.shapes(bindings, self.limits.max_sampled_textures_per_shader_stage)?;
-        let mut variant = Variant { filtered: self.sampler.is_some(), gathers: part.gathers, ..Variant::default() };
+        let mut variant = Variant {
+            units: self.units,
+            filtered: self.sampler.is_some(),
+            gathers: part.gathers,
+            ..Variant::default()
+        };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
             variant.fetched = self.store.fetched(&shapes, bindings, variant.filtered, &self.limits);
@@ -92,14 +112,13 @@ impl WgpuDevice {
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
         if self.texels {
-            let numbers = part.numbers(params);
-            if self.steady.is(&key, &numbers, self.pipelines.len()) {
-                (key.known, variant.known) = (Some(numbers), Some(params));
-            }
+            let words = bytemuck::cast_slice(params);
+            key.known = self.steady.known(&key, words, || part.integers(), self.pipelines.len());
         }
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok((Arc::clone(pipeline), variant.fetched));
         }
+        variant.known = key.known.as_ref();
         let build = |variant| {
             let (text, shapes) = (part.text(&key.shapes, variant), (&key.shapes[..], variant.fetched));
             Pipeline::of_stage(&self.gpu, part.name, &text, shapes, self.sampler.as_ref())
@@ -109,16 +128,16 @@ impl WgpuDevice {
             Err(DeviceError::Backend(_)) if variant.known.is_some() => build(Variant { known: None, ..variant }),
             built => built,
         };
-        let built = Arc::new(built?);
+        let (built, fetched) = (Arc::new(built?), variant.fetched);
         self.pipelines.insert(key, Arc::clone(&built));
-        Ok((built, variant.fetched))
+        Ok((built, fetched))
     }
 
     fn publisher(&mut self, format: FieldFormat) -> Result<Arc<Pipeline>, DeviceError> {
         if let Some(pipeline) = self.publishers.get(&format) {
             return Ok(Arc::clone(pipeline));
         }
-        let built = Pipeline::of_publish(&self.gpu, &source::publish_text(format), texture_format(format))?;
+        let built = Pipeline::of_publish(&self.gpu, &source::publish_text(format, self.units), texture_format(format))?;
         Ok(Arc::clone(self.publishers.entry(format).or_insert(Arc::new(built))))
     }
 
@@ -133,6 +152,9 @@ impl WgpuDevice {
             let (pipeline, fetched) = self.prepared(part, cut, stage.params())?;
             prepared.push((part, cut, pipeline, fetched));
         }
+        if self.gpu.batch.take_lost() {
+            self.store.forget_copies();
+        }
         let launches = prepared.iter().map(|(part, cut, pipeline, fetched)| {
             let copies = self.store.stale(&part.bindings, *fetched);
             self.store.wrote(&part.bindings);
@@ -141,28 +163,21 @@ impl WgpuDevice {
                 Ok(Shot { range: piece.range, first: part.first.unwrap_or(piece.groups.start), bound })
             });
             let shots = shots.collect::<Result<_, DeviceError>>()?;
-            let (params, units, sequential) = (stage.params(), part.units, part.sequential);
+            let units = if part.alone { self.units } else { 1 };
+            let (params, sequential) = (stage.params(), part.sequential);
             Ok(Launches { pipeline, params, units, sequential, copies, shots })
         });
         let launches = launches.collect::<Result<Vec<_>, DeviceError>>();
-        let sent = launches.and_then(|launches| {
+        let recorded = launches.and_then(|launches| {
             let stamps: Option<(&QuerySet, u32)> = self.clock.start(&self.gpu, stage.name(), range)?;
-            launch::send(&self.gpu, &self.limits, &launches, stamps).inspect_err(|_| {
+            let (gpu, groups) = (&mut self.gpu, &mut self.groups);
+            launch::record(gpu, groups, &self.limits, stage.name(), &launches, stamps).inspect_err(|_| {
                 // A dispatch that failed has no time.
                 self.clock.take_back();
             })
         });
-        match sent {
-            Ok(sent) => {
-                self.gpu.sent(stage.name(), sent);
-                Ok(())
-            }
-            Err(error) => {
-                // Nor were copies made.
-                parts.iter().for_each(|part| self.store.forget(&part.bindings));
-                Err(error)
-            }
-        }
+        // Nor were copies made.
+        recorded.inspect_err(|_| self.store.forget_copies())
     }
 }
 
@@ -189,7 +204,7 @@ impl Device for WgpuDevice {
     }
 
     fn destroy(&mut self, id: ResourceId) {
-        self.store.remove(id);
+        self.remove(id);
     }
 
     fn write(&mut self, id: ResourceId, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
@@ -199,14 +214,7 @@ impl Device for WgpuDevice {
         match resource {
             Resource::Buffer(memory) => {
                 memory.changed();
-                let mut at = offset;
-                for chunk in data.chunks(STAGING as usize) {
-                    let bytes = chunk.len() as u64;
-                    self.gpu.guarded(bytes, || self.gpu.queue.write_buffer(&memory.buffer, at, chunk))?;
-                    self.gpu.wrote(bytes)?;
-                    at += bytes;
-                }
-                Ok(())
+                self.gpu.write_buffer(&memory.buffer, offset, data)
             }
             Resource::Field(volume) => volume.write(&mut self.gpu, offset, data),
         }
@@ -215,6 +223,7 @@ impl Device for WgpuDevice {
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         self.gpu.enter()?;
         self.store.get(id)?.spec().check_read(offset, out.len())?;
+        self.gpu.count(|made| &mut made.reads);
         self.gpu.read(&self.store.buffer(id)?.buffer, offset, out)
     }
 
@@ -242,11 +251,10 @@ impl Device for WgpuDevice {
                 Ok(Shot { range: piece.range, first: piece.groups.start, bound })
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-            let (params, units) = (bytemuck::bytes_of(&params), source::PUBLISH_UNITS);
+            let (params, units) = (bytemuck::bytes_of(&params), self.units);
             let copies = Vec::new();
             let launches = Launches { pipeline: &pipeline, params, units, sequential: None, copies, shots };
-            let sent = launch::send(&self.gpu, &self.limits, &[launches], None)?;
-            self.gpu.sent("publishing", sent);
+            launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;
         }
         Ok(())
     }

@@ -1,15 +1,34 @@
 //! wgpu's device and queue, with every fault turned into an error of ours.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
 use airlight_core::device::DeviceError;
-use wgpu::{Buffer, BufferDescriptor, BufferUsages, ErrorFilter, PollError, PollType, SubmissionIndex};
+use wgpu::{
+    BindGroup, BindGroupDescriptor, Buffer, BufferDescriptor, BufferUsages, ErrorFilter, PollError, PollStatus,
+    PollType, SubmissionIndex, Texture, TextureDescriptor,
+};
 
-/// Bytes that are read back, or written, at a time: staging memory is bounded by it.
-pub(crate) const STAGING: u64 = 32 << 20;
+use crate::batch::Batch;
+use crate::staging::Staging;
+
+/// The most bytes that are read back at a time.
+const READ: u64 = 32 << 20;
+/// The fewest that room is made for.
+const LEAST_READ: u64 = 1 << 16;
+
+/// How often things were made that a steady frame does not make, and how often it waited for a part of a buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    pub(crate) buffers: u64,
+    pub(crate) textures: u64,
+    pub(crate) groups: u64,
+    pub(crate) pipelines: u64,
+    pub(crate) reads: u64,
+}
 
 /// Faults that arrive outside the call that caused them.
 #[derive(Debug, Default)]
@@ -26,14 +45,19 @@ pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     faults: Arc<Mutex<Faults>>,
-    /// Bytes written since the last submission.
-    written: u64,
     /// Whether nobody else uses the device.
     own: bool,
     /// How long a submission may take.
-    patience: Option<Duration>,
+    pub(crate) patience: Option<Duration>,
     /// Submissions that nobody has waited for, with what they are.
     under_way: VecDeque<(SubmissionIndex, &'static str)>,
+    /// Whether all of them were done when the last call began.
+    pub(crate) idle: bool,
+    pub(crate) batch: Batch,
+    pub(crate) staging: Staging,
+    /// Where what is read back goes through.
+    back: Option<Buffer>,
+    made: Cell<Made>,
 }
 
 /// For the owner of a device that is shared: tells of its loss, of which wgpu informs only one.
@@ -81,7 +105,19 @@ impl Gpu {
     }
 
     fn with(device: wgpu::Device, queue: wgpu::Queue, faults: Arc<Mutex<Faults>>) -> Self {
-        Self { device, queue, faults, written: 0, own: false, patience: None, under_way: VecDeque::new() }
+        Self {
+            device,
+            queue,
+            faults,
+            own: false,
+            patience: None,
+            under_way: VecDeque::new(),
+            idle: true,
+            batch: Batch::default(),
+            staging: Staging::default(),
+            back: None,
+            made: Cell::default(),
+        }
     }
 
     /// What tells of the loss of a device that is shared.
@@ -98,14 +134,17 @@ impl Gpu {
         faults.late.take().map_or(Ok(()), Err)
     }
 
-    /// As [`Gpu::check`], after hearing of what happened since the last call: a lost device says nothing by itself.
-    pub(crate) fn enter(&self) -> Result<(), DeviceError> {
+    /// As [`Gpu::check`], after hearing of what happened since the last call: a lost device says nothing by itself. A device
+    /// that has nothing to do gets what was recorded.
+    pub(crate) fn enter(&mut self) -> Result<(), DeviceError> {
         // What polling says besides is heard when something is waited for. On a device of others it would call what
         // they wait for in the middle of our work.
-        if self.own {
-            let _ = self.device.poll(PollType::Poll);
-        }
-        self.check()
+        self.idle = match self.own {
+            true => matches!(self.device.poll(PollType::Poll), Ok(PollStatus::QueueEmpty)),
+            false => self.under_way.is_empty(),
+        };
+        self.check()?;
+        if self.idle { self.send() } else { Ok(()) }
     }
 
     /// Makes calls of wgpu and catches what they report; `bytes` is what they ask for.
@@ -124,29 +163,42 @@ impl Gpu {
         fault.map_or(Ok(result), |error| Err(of(error, bytes)))
     }
 
+    /// What was made so far.
+    #[cfg(test)]
+    pub(crate) fn made(&self) -> Made {
+        self.made.get()
+    }
+
+    /// Counts something that is made.
+    pub(crate) fn count(&self, what: impl FnOnce(&mut Made) -> &mut u64) {
+        let mut made = self.made.get();
+        *what(&mut made) += 1;
+        self.made.set(made);
+    }
+
     /// Makes a buffer, filled with zeros.
     pub(crate) fn buffer(&self, label: &str, size: u64, usage: BufferUsages) -> Result<Buffer, DeviceError> {
+        self.count(|made| &mut made.buffers);
         let description = BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
         self.guarded(size, || self.device.create_buffer(&description))
     }
 
-    /// Counts bytes handed to the queue, and lets it send them before too many are held.
-    pub(crate) fn wrote(&mut self, bytes: u64) -> Result<(), DeviceError> {
-        self.written += bytes;
-        if self.written >= 2 * STAGING {
-            self.guarded(self.written, || self.queue.submit([]))?;
-            self.wait()?;
-        }
-        Ok(())
+    /// Makes a texture of so many bytes, filled with zeros.
+    pub(crate) fn texture(&self, bytes: u64, description: &TextureDescriptor<'_>) -> Result<Texture, DeviceError> {
+        self.count(|made| &mut made.textures);
+        self.guarded(bytes, || self.device.create_texture(description))
     }
 
-    /// Sends what was written on its way.
+    /// Makes a bind group.
+    pub(crate) fn group(&self, description: &BindGroupDescriptor<'_>) -> Result<BindGroup, DeviceError> {
+        self.count(|made| &mut made.groups);
+        self.guarded(0, || self.device.create_bind_group(description))
+    }
+
+    /// Sends what was recorded on its way.
     pub(crate) fn flush(&mut self) -> Result<(), DeviceError> {
+        self.send()?;
         self.under_way.clear();
-        if self.written > 0 {
-            self.written = 0;
-            self.guarded(0, || self.queue.submit([]))?;
-        }
         self.check()
     }
 
@@ -155,26 +207,47 @@ impl Gpu {
         self.patience = patience;
     }
 
+    /// Waits for all work so far where something of it may take too long.
+    pub(crate) fn wait_with_patience(&mut self) -> Result<(), DeviceError> {
+        if self.patience.is_some() { self.wait() } else { Ok(()) }
+    }
+
     /// Books a submission that will be waited for.
     pub(crate) fn sent(&mut self, what: &'static str, submission: SubmissionIndex) {
+        self.idle = false;
         self.under_way.push_back((submission, what));
     }
 
     /// Waits for all work so far, or until something of it takes too long.
     pub(crate) fn wait(&mut self) -> Result<(), DeviceError> {
-        self.written = 0;
-        while let Some((submission, stage)) = self.under_way.pop_front() {
-            let Some(patience) = self.patience else { continue };
-            // The queue runs in order, so that this one runs since the last one ended.
-            let wait = PollType::Wait { submission_index: Some(submission), timeout: Some(patience) };
-            match self.guarded(0, || self.device.poll(wait))? {
-                Err(PollError::Timeout) => return Err(self.give_up(stage, patience)),
-                waited => waited.map_err(|error| DeviceError::Backend(error.to_string()))?,
-            };
+        self.send()?;
+        if self.patience.is_some() {
+            while self.wait_next()? {}
         }
-        let waited = self.guarded(0, || self.device.poll(PollType::wait_indefinitely()))?;
-        waited.map_err(|error| DeviceError::Backend(error.to_string()))?;
+        self.under_way.clear();
+        self.wait_for(None, None)?.map_err(|error| DeviceError::Backend(error.to_string()))?;
         self.check()
+    }
+
+    /// Waits for the submission that was sent first, of those that nobody has waited for, or else for all. Whether there was one.
+    pub(crate) fn wait_next(&mut self) -> Result<bool, DeviceError> {
+        let Some((submission, what)) = self.under_way.pop_front() else {
+            self.wait_for(None, None)?.map_err(|error| DeviceError::Backend(error.to_string()))?;
+            return Ok(false);
+        };
+        // The queue runs in order, so that this one runs since the last one ended.
+        match (self.wait_for(Some(submission), self.patience)?, self.patience) {
+            (Err(PollError::Timeout), Some(patience)) => Err(self.give_up(what, patience)),
+            (waited, _) => waited.map(|_| true).map_err(|error| DeviceError::Backend(error.to_string())),
+        }
+    }
+
+    fn wait_for(
+        &self,
+        submission_index: Option<SubmissionIndex>,
+        timeout: Option<Duration>,
+    ) -> Result<Result<PollStatus, PollError>, DeviceError> {
+        self.guarded(0, || self.device.poll(PollType::Wait { submission_index, timeout }))
     }
 
     /// Leaves what does not end to itself. Device and queue are never released, because that waits.
@@ -188,22 +261,25 @@ impl Gpu {
 
     /// Reads from `offset` of a buffer on, after all work so far.
     pub(crate) fn read(&mut self, from: &Buffer, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
-        let size = STAGING.min(out.len() as u64);
+        let size = READ.min(out.len() as u64);
         if size == 0 {
             return self.check();
         }
-        let staging = self.buffer("read back", size, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+        let back = match self.back.take() {
+            Some(back) if back.size() >= size => back,
+            _ => {
+                let room = size.next_power_of_two().max(LEAST_READ);
+                self.buffer("read back", room, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?
+            }
+        };
         let mut at = offset;
         for chunk in out.chunks_mut(size as usize) {
             let bytes = chunk.len() as u64;
-            self.guarded(bytes, || {
-                let mut encoder = self.device.create_command_encoder(&Default::default());
-                encoder.copy_buffer_to_buffer(from, at, &staging, 0, bytes);
-                self.queue.submit([encoder.finish()])
-            })?;
+            self.copies()?.copy_buffer_to_buffer(from, at, &back, 0, bytes);
+            self.send()?;
             let (sender, mapped) = mpsc::channel();
             self.guarded(bytes, || {
-                staging.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
+                back.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
                     // Nobody listens any more only where waiting failed, which is reported there.
                     let _ = sender.send(result);
                 });
@@ -211,12 +287,14 @@ impl Gpu {
             self.wait()?;
             let failed = |text: String| DeviceError::Backend(format!("reading back: {text}"));
             mapped.try_recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
-            let view = staging.slice(..bytes).get_mapped_range().map_err(|e| failed(e.to_string()))?;
+            let view = back.slice(..bytes).get_mapped_range().map_err(|e| failed(e.to_string()))?;
             chunk.copy_from_slice(&view);
             drop(view);
-            staging.unmap();
+            back.unmap();
             at += bytes;
         }
+        // After a fault another one is made.
+        self.back = Some(back);
         self.check()
     }
 }

@@ -1,22 +1,18 @@
-//! Sending the pieces of a dispatch to the queue.
+//! Recording the pieces of a dispatch.
 
 use std::ops::Range;
 
 use airlight_core::device::DeviceError;
 use bytemuck::Zeroable;
-use wgpu::{
-    BindGroup, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding, BufferSize, BufferUsages,
-    ComputePass, QuerySet, SubmissionIndex,
-};
+use wgpu::{BindGroup, Buffer, ComputePass, QuerySet};
 
+use crate::batch::UNIFORM;
 use crate::gpu::Gpu;
+use crate::groups::{Entry, Groups};
 use crate::pipeline::Pipeline;
 use crate::source::Launch;
 use crate::store::Bound;
 use crate::texels::Copy;
-
-/// Uniforms begin at multiples of this; WebGPU lets no adapter ask for more.
-const UNIFORM: usize = 256;
 
 /// A piece of a dispatch.
 #[derive(Debug)]
@@ -42,18 +38,22 @@ pub(crate) struct Launches<'s> {
     pub(crate) shots: Vec<Shot<'s>>,
 }
 
-/// Sends all launches in order, a pass each, between two time stamps where they are given.
-pub(crate) fn send(
-    gpu: &Gpu,
+/// Records all launches in order, a pass each, between two time stamps where they are given.
+pub(crate) fn record(
+    gpu: &mut Gpu,
+    groups: &mut Groups,
     limits: &wgpu::Limits,
+    what: &'static str,
     all: &[Launches<'_>],
     stamps: Option<(&QuerySet, u32)>,
-) -> Result<SubmissionIndex, DeviceError> {
-    let uniforms =
-        all.iter().map(|launches| launches.uniforms(gpu, limits)).collect::<Result<Vec<_>, DeviceError>>()?;
-    gpu.guarded(0, || {
+) -> Result<(), DeviceError> {
+    let room = gpu.make_room(all.iter().map(Launches::room).sum())?;
+    room.outgrown.iter().for_each(|gone| groups.forget_buffer(gone));
+    let ready = all.iter().map(|launches| launches.ready(gpu, groups, limits, &room.uniforms));
+    let ready = ready.collect::<Result<Vec<_>, DeviceError>>()?;
+    let commands = gpu.guarded(0, || {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        for (n, (launches, uniforms)) in all.iter().zip(&uniforms).enumerate() {
+        for (n, (launches, ready)) in all.iter().zip(&ready).enumerate() {
             launches.copies.iter().for_each(|copy| copy.encode(&mut encoder));
             let (begins, ends) = (n == 0, n + 1 == all.len());
             let stamps = stamps.filter(|_| begins || ends);
@@ -65,97 +65,87 @@ pub(crate) fn send(
                     end_of_pass_write_index: ends.then_some(first + 1),
                 }),
             });
-            launches.encode(gpu, &mut pass, uniforms);
+            launches.encode(&mut pass, ready);
         }
-        gpu.queue.submit([encoder.finish()])
-    })
+        encoder.finish()
+    })?;
+    gpu.record(what, commands)
 }
 
-/// The parameters and where each dispatch stands, in a buffer; the workgroups of each dispatch.
-struct Uniforms {
-    buffer: Buffer,
-    sizes: Vec<[u32; 2]>,
+/// What launches bind: the parameters and where each dispatch stands, whose workgroups are told too; and buffers and
+/// textures of each shot.
+struct Ready {
+    constants: BindGroup,
+    params: u32,
+    dispatches: Vec<(u32, [u32; 2])>,
+    shots: Vec<Vec<BindGroup>>,
 }
 
 impl Launches<'_> {
-    fn uniforms(&self, gpu: &Gpu, limits: &wgpu::Limits) -> Result<Uniforms, DeviceError> {
+    /// Bytes of the parameters and of where each dispatch stands.
+    fn room(&self) -> u64 {
+        (self.params.len().next_multiple_of(UNIFORM) + self.dispatches().count() * UNIFORM) as u64
+    }
+
+    fn ready(
+        &self,
+        gpu: &mut Gpu,
+        groups: &mut Groups,
+        limits: &wgpu::Limits,
+        uniforms: &Buffer,
+    ) -> Result<Ready, DeviceError> {
         let most = limits.max_compute_workgroups_per_dimension.max(1);
-        let params = self.params.len().next_multiple_of(UNIFORM);
-        let mut uniforms = self.params.to_vec();
-        let mut sizes = Vec::new();
-        for (shot, start, count) in self.dispatches() {
+        let params = gpu.batch.push_params(self.params);
+        let place = |(shot, start, count): (&Shot<'_>, u32, u32)| {
             let workgroups = count.div_ceil(self.units);
             let across = workgroups.min(most).max(1);
             let first = shot.first;
             let launch = Launch { start, count, first, across, infinity: f32::INFINITY, ..Launch::zeroed() };
-            uniforms.resize(params + sizes.len() * UNIFORM, 0);
-            uniforms.extend(bytemuck::bytes_of(&launch));
-            sizes.push([across, workgroups.div_ceil(across)]);
-        }
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let buffer = gpu.buffer("parameters", uniforms.len() as u64, usage)?;
-        gpu.guarded(0, || gpu.queue.write_buffer(&buffer, 0, &uniforms))?;
-        Ok(Uniforms { buffer, sizes })
+            (gpu.batch.push_params(bytemuck::bytes_of(&launch)), [across, workgroups.div_ceil(across)])
+        };
+        let dispatches = self.dispatches().map(place).collect();
+        let [constants, rest @ ..] = &self.pipeline.layouts[..] else {
+            return Err(DeviceError::Invalid("a kernel without parameters".into()));
+        };
+        let entries = [(0, self.params.len()), (1, size_of::<Launch>())];
+        let entries = entries.map(|(number, bytes)| Entry::Buffer(number, uniforms.clone(), 0, bytes as u64));
+        let sampler = self.pipeline.sampler.iter().map(|sampler| Entry::Sampler(2, sampler.clone()));
+        let constants = groups.of(gpu, constants, entries.into_iter().chain(sampler).collect())?;
+        let shots = self.shots.iter().map(|shot| {
+            let all = rest.iter().zip(shot.bound.entries());
+            all.map(|(layout, entries)| groups.of(gpu, layout, entries)).collect()
+        });
+        let shots = shots.collect::<Result<_, DeviceError>>()?;
+        Ok(Ready { constants, params, dispatches, shots })
     }
 
-    fn encode(&self, gpu: &Gpu, pass: &mut ComputePass<'_>, uniforms: &Uniforms) {
-        let params = self.params.len().next_multiple_of(UNIFORM);
+    fn encode(&self, pass: &mut ComputePass<'_>, ready: &Ready) {
         pass.set_pipeline(&self.pipeline.compute);
-        let mut bound: Option<&Bound<'_>> = None;
-        for (n, ((shot, ..), &[x, y])) in self.dispatches().zip(&uniforms.sizes).enumerate() {
-            let at = (params + n * UNIFORM) as u64;
-            pass.set_bind_group(0, &self.constants(gpu, &uniforms.buffer, at), &[]);
+        let groups = self.shots.iter().zip(&ready.shots).flat_map(|(shot, groups)| {
             // Units of one piece see the same buffers.
-            if !bound.is_some_and(|bound| std::ptr::eq(bound, &shot.bound)) {
-                for (group, bind) in (1..).zip(bind(gpu, self.pipeline, &shot.bound)) {
-                    pass.set_bind_group(group, &bind, &[]);
-                }
-                bound = Some(&shot.bound);
+            (0..self.units_of(shot).len()).map(move |n| (n == 0).then_some(groups))
+        });
+        for (groups, &(launch, [x, y])) in groups.zip(&ready.dispatches) {
+            pass.set_bind_group(0, &ready.constants, &[ready.params, launch]);
+            for (number, group) in (1..).zip(groups.into_iter().flatten()) {
+                pass.set_bind_group(number, group, &[]);
             }
             // Each dispatch sees what the ones before it wrote.
             pass.dispatch_workgroups(x, y, 1);
         }
     }
 
+    /// The first units of a shot's dispatches.
+    fn units_of(&self, shot: &Shot<'_>) -> Range<u32> {
+        let Range { start, end } = shot.range;
+        if self.sequential.is_some() { start..end } else { start..start + 1 }
+    }
+
     /// The dispatches in order: the piece, its first unit, and its units or the items of the one.
     fn dispatches(&self) -> impl Iterator<Item = (&Shot<'_>, u32, u32)> {
         self.shots.iter().flat_map(|shot| {
-            let (units, count) = match self.sequential {
-                Some(items) => (shot.range.clone(), items),
-                None => (shot.range.start..shot.range.start + 1, shot.range.len() as u32),
-            };
-            units.map(move |unit| (shot, unit, count))
+            let count = self.sequential.unwrap_or(shot.range.len() as u32);
+            self.units_of(shot).map(move |unit| (shot, unit, count))
         })
     }
-
-    /// Parameters, where the dispatch stands, and the filter of fields that are filtered by the texture unit.
-    fn constants(&self, gpu: &Gpu, uniforms: &Buffer, launch_at: u64) -> BindGroup {
-        let launch = (1, uniforms, launch_at, size_of::<Launch>() as u64);
-        let mut entries = buffers(&[(0, uniforms, 0, self.params.len() as u64), launch]);
-        let sampler = self.pipeline.sampler.as_ref();
-        entries.extend(sampler.map(|s| BindGroupEntry { binding: 2, resource: BindingResource::Sampler(s) }));
-        group(gpu, &self.pipeline.layouts[0], &entries)
-    }
-}
-
-/// Buffers and textures.
-fn bind(gpu: &Gpu, pipeline: &Pipeline, bound: &Bound<'_>) -> Vec<BindGroup> {
-    let textures = bound
-        .textures
-        .iter()
-        .map(|&(binding, view)| BindGroupEntry { binding, resource: BindingResource::TextureView(view) });
-    let entries = [buffers(&bound.buffers), textures.collect()];
-    pipeline.layouts[1..].iter().zip(&entries).map(|(layout, entries)| group(gpu, layout, entries)).collect()
-}
-
-fn group(gpu: &Gpu, layout: &BindGroupLayout, entries: &[BindGroupEntry<'_>]) -> BindGroup {
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries })
-}
-
-fn buffers<'b>(all: &[(u32, &'b Buffer, u64, u64)]) -> Vec<BindGroupEntry<'b>> {
-    let entry = |&(binding, buffer, offset, bytes): &(u32, &'b Buffer, u64, u64)| {
-        let size = BufferSize::new(bytes);
-        BindGroupEntry { binding, resource: BindingResource::Buffer(BufferBinding { buffer, offset, size }) }
-    };
-    all.iter().map(entry).collect()
 }

@@ -12,18 +12,21 @@
 
 mod adapter;
 mod atlas;
+mod batch;
 mod clock;
 mod cut;
 mod device;
 pub mod engine;
 mod filter;
 mod gpu;
+mod groups;
 mod launch;
 mod loader;
 mod memory;
 mod part;
 mod pipeline;
 mod source;
+mod staging;
 mod store;
 mod texels;
 mod vulkan;

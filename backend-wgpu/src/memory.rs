@@ -8,6 +8,7 @@ use wgpu::{Buffer, BufferUsages, Texture, TextureDimension, TextureFormat, Textu
 use crate::atlas::{Atlas, extent};
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
+use crate::staging::Block;
 use crate::texels::Texels;
 
 /// A resource.
@@ -68,29 +69,7 @@ pub(crate) fn texture(gpu: &Gpu, size: [u32; 3], format: TextureFormat, texel: u
         view_formats: &[],
     };
     let bytes = size.map(u64::from).iter().product::<u64>() * texel;
-    gpu.guarded(bytes, || gpu.device.create_texture(&description))
-}
-
-/// A block of a texture, in texels, and bytes of a texel.
-pub(crate) struct Block {
-    pub(crate) origin: [u32; 3],
-    pub(crate) size: [u32; 3],
-    pub(crate) texel: u32,
-}
-
-/// Writes a block of a texture: x fastest, then y and z.
-pub(crate) fn write_texels(gpu: &mut Gpu, to: &Texture, block: Block, data: &[u8]) -> Result<(), DeviceError> {
-    let Block { origin: [x, y, z], size, texel } = block;
-    let target = wgpu::TexelCopyTextureInfo {
-        texture: to,
-        mip_level: 0,
-        origin: wgpu::Origin3d { x, y, z },
-        aspect: wgpu::TextureAspect::All,
-    };
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(size[0] * texel), rows_per_image: Some(size[1]) };
-    gpu.guarded(data.len() as u64, || gpu.queue.write_texture(target, data, layout, extent(size)))?;
-    gpu.wrote(data.len() as u64)
+    gpu.texture(bytes, &description)
 }
 
 impl Resource {
@@ -170,26 +149,34 @@ impl Volume {
         }
         let first = (offset / self.spec.slice_bytes()) as u32;
         let (layers, texel) = (self.spec.layers as usize, self.spec.format.bytes() as usize);
+        if layers == 1 {
+            return self.write_slices(gpu, first, data);
+        }
         for (n, slice) in data.chunks_exact(self.spec.slice_bytes() as usize).enumerate() {
             let z = first + n as u32;
-            if layers == 1 {
-                self.write_slice(gpu, z, slice)?;
-                continue;
-            }
             for layer in 0..layers {
                 let texels = slice.chunks_exact(texel).skip(layer).step_by(layers);
                 let one: Vec<u8> = texels.flatten().copied().collect();
-                self.write_slice(gpu, layer as u32 * self.spec.dims[2] + z, &one)?;
+                self.write_slices(gpu, layer as u32 * self.spec.dims[2] + z, &one)?;
             }
         }
         Ok(())
     }
 
-    /// Writes one slice, counted through all layers.
-    fn write_slice(&self, gpu: &mut Gpu, slice: u32, data: &[u8]) -> Result<(), DeviceError> {
-        let (slab, z) = self.slabs.locate(slice);
+    /// Writes slices from one on, counted through all layers.
+    fn write_slices(&self, gpu: &mut Gpu, first: u32, data: &[u8]) -> Result<(), DeviceError> {
         let [width, height, _] = self.spec.dims;
-        let block = Block { origin: [0, 0, z], size: [width, height, 1], texel: self.spec.format.bytes() as u32 };
-        write_texels(gpu, &self.textures[slab as usize].0, block, data)
+        let texel = self.spec.format.bytes() as u32;
+        let bytes = width as usize * height as usize * texel as usize;
+        let (mut next, mut left) = (first, data);
+        while !left.is_empty() {
+            let (slab, z) = self.slabs.locate(next);
+            let depth = (self.slabs.range(slab).end - next).min((left.len() / bytes) as u32);
+            let (now, rest) = left.split_at(depth as usize * bytes);
+            let block = Block { origin: [0, 0, z], size: [width, height, depth], texel };
+            gpu.write_texels(&self.textures[slab as usize].0, block, now)?;
+            (next, left) = (next + depth, rest);
+        }
+        Ok(())
     }
 }

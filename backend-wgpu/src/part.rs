@@ -1,6 +1,6 @@
 //! What a dispatch of a stage is on this device: of most a kernel of its own; of `sweep` kernels that share its steps.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use airlight_core::device::{Binding, Buf, DeviceError, ResourceId, ResourceSpec, Usage};
@@ -8,7 +8,7 @@ use airlight_core::stage::{Stage, Sweep};
 
 use crate::WgpuDevice;
 use crate::memory::Resource;
-use crate::source::{self, Fetched, Shape, Text, Variant};
+use crate::source::{self, Fetched, Numbers, Shape, Text, Variant};
 
 /// Memory of our own, for what kernels of a stage hand to each other. Executors count ids from 0.
 const SCRATCH: ResourceId = ResourceId(u32::MAX);
@@ -23,44 +23,92 @@ pub(crate) struct Key {
     pub(crate) fetched: Fetched,
     pub(crate) gathers: bool,
     /// Integers of the parameters that it was built for.
-    pub(crate) known: Option<Vec<u32>>,
+    pub(crate) known: Option<Numbers>,
 }
 
 /// Which kernels are built for the integers of their parameters, where that pays.
 ///
 /// Mesa's software driver runs both sides of every condition; and it rebuilds kernels for uniforms that conditions depend on,
 /// with every dispatch. Kernels that are built for the numbers have no such conditions. Building takes as long as many
-/// dispatches, so that it is done for numbers that stood since before the last wait.
+/// dispatches, so that it is done for numbers that stand over two waits: not in a first frame, which waits to learn how long
+/// each stage takes. What had more values than a few is left a uniform for good, and the rest is built in.
 #[derive(Debug, Default)]
 pub(crate) struct Steady {
     /// Waits so far.
     waits: u64,
-    /// Of each kernel the numbers of its last dispatch, and the wait since which they stand.
-    last: HashMap<Key, (Vec<u32>, u64)>,
+    habits: HashMap<Key, Habit>,
+}
+
+/// The integers of a kernel's dispatches.
+#[derive(Debug)]
+struct Habit {
+    /// Where they stand among the words of the parameters.
+    places: Vec<Range<usize>>,
+    /// What was dispatched, with nothing where it had too many values, and the wait before.
+    seen: Vec<(Numbers, u64)>,
+    loose: Vec<bool>,
+}
+
+impl Habit {
+    /// The most values of an integer that kernels are built for: one each of two uses in a frame.
+    const VALUES: usize = 2;
+    /// The most numbers that are remembered.
+    const SEEN: usize = 16;
+
+    fn new(places: Vec<Range<usize>>) -> Self {
+        Self { loose: vec![false; places.len()], places, seen: Vec::new() }
+    }
+
+    /// The numbers of a dispatch, as kernels may be built for them, and the wait since which they stand.
+    fn note(&mut self, params: &[u32], wait: u64) -> (Numbers, u64) {
+        let values = self.places.iter().zip(&self.loose);
+        let mut numbers: Numbers = values.map(|(at, loose)| (!loose).then(|| params[at.clone()].to_vec())).collect();
+        if let Some(known) = self.seen.iter().find(|(seen, _)| *seen == numbers) {
+            return known.clone();
+        }
+        if self.seen.len() >= Self::SEEN {
+            self.seen.remove(0);
+        }
+        self.seen.push((numbers.clone(), wait));
+        for n in 0..numbers.len() {
+            let values: HashSet<_> = self.seen.iter().map(|(seen, _)| &seen[n]).collect();
+            if values.len() > Self::VALUES {
+                self.loose[n] = true;
+                self.seen.iter_mut().for_each(|(seen, _)| seen[n] = None);
+                numbers[n] = None;
+            }
+        }
+        // What is the same now stands since the first of it.
+        let first = self.seen.iter().find(|(seen, _)| *seen == numbers).map_or(wait, |(_, since)| *since);
+        (numbers, first)
+    }
 }
 
 impl Steady {
     /// The most kernels that there may be for one to be built for numbers.
     const MOST: usize = 256;
+    /// Waits over which numbers stand that kernels are built for.
+    const WAITS: u64 = 2;
 
     /// Books a wait.
     pub(crate) fn waited(&mut self) {
         self.waits += 1;
     }
 
-    /// Whether a kernel had better be built for these numbers, where so many kernels are `built`.
-    pub(crate) fn is(&mut self, key: &Key, numbers: &[u32], built: usize) -> bool {
-        match self.last.get_mut(key) {
-            Some((last, since)) if last == numbers => *since < self.waits && built < Self::MOST,
-            Some(last) => {
-                *last = (numbers.to_vec(), self.waits);
-                false
-            }
-            None => {
-                self.last.insert(key.clone(), (numbers.to_vec(), self.waits));
-                false
-            }
+    /// The numbers that a kernel had better be built for, where so many kernels are `built`; `places` tells of it where its
+    /// integers stand among the words of `params`.
+    pub(crate) fn known(
+        &mut self,
+        key: &Key,
+        params: &[u32],
+        places: impl FnOnce() -> Vec<Range<usize>>,
+        built: usize,
+    ) -> Option<Numbers> {
+        if !self.habits.contains_key(key) {
+            self.habits.insert(key.clone(), Habit::new(places()));
         }
+        let (numbers, since) = self.habits.get_mut(key)?.note(params, self.waits);
+        (since + Self::WAITS <= self.waits && built < Self::MOST).then_some(numbers)
     }
 }
 
@@ -73,8 +121,8 @@ pub(crate) struct Part {
     pub(crate) axis: u32,
     pub(crate) group: u32,
     pub(crate) range: Range<u32>,
-    /// Units that a workgroup takes, or items of a unit.
-    pub(crate) units: u32,
+    /// Whether an invocation takes a unit, or an item of a unit; else a workgroup does.
+    pub(crate) alone: bool,
     /// Where units run in order, one a dispatch: the items of a unit.
     pub(crate) sequential: Option<u32>,
     /// In place of the first group of the buffers that are bound in parts.
@@ -94,7 +142,7 @@ impl Part {
             axis: stage.axis(),
             group: stage.group(),
             range,
-            units: source.units,
+            alone: source.alone,
             sequential: stage.sequential(),
             first: None,
             gathers: false,
@@ -102,10 +150,9 @@ impl Part {
         }
     }
 
-    /// The integers of the parameters.
-    pub(crate) fn numbers(&self, params: &[u8]) -> Vec<u32> {
-        let words: &[u32] = bytemuck::cast_slice(params);
-        source::integers(self.source.as_ref()).into_iter().flat_map(|at| &words[at]).copied().collect()
+    /// Where the integers of the parameters stand among their words.
+    pub(crate) fn integers(&self) -> Vec<Range<usize>> {
+        source::integers(self.source.as_ref())
     }
 
     /// The kernel's text.
@@ -155,7 +202,7 @@ impl WgpuDevice {
                         group: 1,
                         range: 0..items,
                         sequential: None,
-                        units: 64,
+                        alone: true,
                         first: Some(first),
                         gathers: false,
                         source: None,
@@ -181,7 +228,7 @@ impl WgpuDevice {
         if self.store.buffer(SCRATCH).is_ok_and(|memory| memory.bytes >= bytes) {
             return Ok(());
         }
-        self.store.remove(SCRATCH);
+        self.remove(SCRATCH);
         let spec = ResourceSpec::Buffer { bytes, usage: Usage::Work };
         self.store.add(SCRATCH, || Resource::new(&self.gpu, &spec, &self.info.limits))
     }
@@ -191,18 +238,36 @@ impl WgpuDevice {
 mod tests {
     use super::*;
 
-    #[test]
-    fn numbers_that_stood_since_before_the_last_wait_are_steady() {
+    /// Of each dispatch two numbers, of which the second is of two words.
+    fn known(steady: &mut Steady, params: [u32; 4]) -> Option<Numbers> {
         let key = Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None };
+        steady.known(&key, &params, || vec![0..1, 2..4], 0)
+    }
+
+    #[test]
+    fn kernels_are_built_for_numbers_that_stood_over_two_waits() {
         let mut steady = Steady::default();
-        assert!(!steady.is(&key, &[1, 2], 0));
-        assert!(!steady.is(&key, &[1, 2], 0), "a piece of the same dispatch");
+        let numbers = Some(vec![Some(vec![1]), Some(vec![2, 3])]);
+        assert_eq!(known(&mut steady, [1, 8, 2, 3]), None);
         steady.waited();
-        assert!(steady.is(&key, &[1, 2], 0));
-        assert!(!steady.is(&key, &[1, 2], Steady::MOST));
-        assert!(!steady.is(&key, &[1, 3], 0));
-        assert!(!steady.is(&key, &[1, 2], 0));
+        assert_eq!(known(&mut steady, [1, 9, 2, 3]), None, "the rest of a first frame");
         steady.waited();
-        assert!(steady.is(&key, &[1, 2], 0));
+        assert_eq!(known(&mut steady, [1, 8, 2, 3]), numbers);
+        assert_eq!(known(&mut steady, [1, 8, 2, 4]), None);
+        assert_eq!(known(&mut steady, [1, 8, 2, 3]), numbers, "another use of the same frame");
+        (0..2).for_each(|_| steady.waited());
+        assert_eq!(known(&mut steady, [1, 8, 2, 4]), Some(vec![Some(vec![1]), Some(vec![2, 4])]));
+        let key = Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None };
+        assert_eq!(steady.known(&key, &[1, 8, 2, 3], Vec::new, Steady::MOST), None);
+    }
+
+    #[test]
+    fn numbers_that_change_with_every_frame_are_left_out_for_good() {
+        let mut steady = Steady::default();
+        for frame in 0..9 {
+            let numbers = known(&mut steady, [frame, 0, 7, 7]);
+            assert_eq!(numbers, (frame >= 2).then(|| vec![None, Some(vec![7, 7])]), "{frame}");
+            steady.waited();
+        }
     }
 }

@@ -29,7 +29,8 @@ fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
 }
 
 fn buffer(ty: BufferBindingType) -> BindingType {
-    BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+    // Parameters stand elsewhere for every dispatch.
+    BindingType::Buffer { ty, has_dynamic_offset: ty == BufferBindingType::Uniform, min_binding_size: None }
 }
 
 /// A storage texture that is read.
@@ -120,6 +121,7 @@ impl Pipeline {
         fixed.extend(sampler.map(|_| entry(2, BindingType::Sampler(SamplerBindingType::Filtering))));
         let mut groups = vec![fixed, buffers];
         groups.extend(Some(textures).filter(|textures| !textures.is_empty()));
+        gpu.count(|made| &mut made.pipelines);
         gpu.guarded(0, || {
             let layouts: Vec<_> = groups
                 .iter()

@@ -4,9 +4,9 @@
 @group(1) @binding(0) var<storage, read> buffer: array<f32>;
 @group(2) @binding(0) var slab: texture_storage_3d<FORMAT, write>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn publish(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let n = number(id) * 64u + lane;
+    let n = number(id) * UNITS + lane;
     if n >= launch.count {
         return;
     }

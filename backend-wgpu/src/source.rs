@@ -108,61 +108,76 @@ impl Fetched {
 }
 
 /// What a kernel is built for beside the shapes of its bindings.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Variant<'p> {
+    /// Invocations of a workgroup, where they do not work together.
+    pub(crate) units: u32,
     pub(crate) fetched: Fetched,
     /// Whether texture units interpolate fields of one texture.
     pub(crate) filtered: bool,
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
-    /// Parameters whose integers are known when it is built.
-    pub(crate) known: Option<&'p [u8]>,
+    /// Integers of the parameters that are known when it is built.
+    pub(crate) known: Option<&'p Numbers>,
 }
+
+impl Default for Variant<'_> {
+    fn default() -> Self {
+        Self { units: UNITS, fetched: Fetched::default(), filtered: false, gathers: false, known: None }
+    }
+}
+
+/// Invocations of a workgroup on every device that the kernels run on.
+pub(crate) const UNITS: u32 = 64;
+
+/// The words of each integer of a kernel's parameters, in their order; nothing where they are left to the parameters.
+pub(crate) type Numbers = Vec<Option<Vec<u32>>>;
 
 /// The kernel of a stage.
 #[derive(Debug)]
 pub(crate) struct Source {
     /// Name of the entry point.
     pub(crate) name: &'static str,
-    /// Units of the work axis that one workgroup takes, or items of a unit where the stage is sequential.
-    pub(crate) units: u32,
+    /// Whether an invocation takes a unit of the work axis, or an item of a unit where the stage is sequential; else a
+    /// workgroup does, whose size is the stage's.
+    pub(crate) alone: bool,
     file: KernelFile,
     recipe: Recipe,
 }
 
 /// The kernel of a stage.
 pub(crate) fn of(stage: &Stage) -> Source {
-    let (file, units) = match stage {
-        Stage::Reduce(_) => (file!("reduce.wgsl"), 64),
-        Stage::Project(_) => (file!("project.wgsl"), 1),
-        Stage::Propagate(_) => (file!("propagate.wgsl"), 64),
-        Stage::Relight(_) => (file!("relight.wgsl"), 64),
-        Stage::March(_) => (file!("march.wgsl"), 1),
-        Stage::Inject(_) => (file!("inject.wgsl"), 1),
-        Stage::Trace(_) => (file!("trace.wgsl"), 64),
-        Stage::Shade(_) => (file!("shade.wgsl"), 64),
-        Stage::Shadow(_) => (file!("shadow.wgsl"), 64),
-        Stage::Upsample(_) => (file!("upsample.wgsl"), 1),
-        Stage::Accumulate(_) => (file!("accumulate.wgsl"), 1),
-        Stage::Coarsen(_) => (file!("coarsen.wgsl"), 64),
-        Stage::Illuminate(_) => (file!("illuminate.wgsl"), 64),
-        Stage::Sweep(_) => (file!("sweep.wgsl"), 64),
-        Stage::Obstruct(_) => (file!("obstruct.wgsl"), 64),
-        Stage::Path(_) => (file!("path.wgsl"), 64),
-        Stage::Evaluate(_) => (file!("evaluate.wgsl"), 64),
-        Stage::Reconstruct(_) => (file!("reconstruct.wgsl"), 64),
-        Stage::Photons(_) => (file!("photons.wgsl"), 64),
-        Stage::Classify(_) => (file!("classify.wgsl"), 1),
+    let (file, alone) = match stage {
+        Stage::Reduce(_) => (file!("reduce.wgsl"), true),
+        Stage::Project(_) => (file!("project.wgsl"), false),
+        Stage::Propagate(_) => (file!("propagate.wgsl"), true),
+        Stage::Relight(_) => (file!("relight.wgsl"), true),
+        Stage::March(_) => (file!("march.wgsl"), false),
+        Stage::Inject(_) => (file!("inject.wgsl"), false),
+        Stage::Trace(_) => (file!("trace.wgsl"), true),
+        Stage::Shade(_) => (file!("shade.wgsl"), true),
+        Stage::Shadow(_) => (file!("shadow.wgsl"), true),
+        Stage::Upsample(_) => (file!("upsample.wgsl"), false),
+        Stage::Accumulate(_) => (file!("accumulate.wgsl"), false),
+        Stage::Coarsen(_) => (file!("coarsen.wgsl"), true),
+        Stage::Illuminate(_) => (file!("illuminate.wgsl"), true),
+        Stage::Sweep(_) => (file!("sweep.wgsl"), true),
+        Stage::Obstruct(_) => (file!("obstruct.wgsl"), true),
+        Stage::Path(_) => (file!("path.wgsl"), true),
+        Stage::Evaluate(_) => (file!("evaluate.wgsl"), true),
+        Stage::Reconstruct(_) => (file!("reconstruct.wgsl"), true),
+        Stage::Photons(_) => (file!("photons.wgsl"), true),
+        Stage::Classify(_) => (file!("classify.wgsl"), false),
     };
-    Source { name: stage.name(), units, file, recipe: Recipe::of(stage) }
+    Source { name: stage.name(), alone, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {
     /// The text for bindings of these shapes.
     pub(crate) fn text(&self, shapes: &[Shape], variant: Variant<'_>) -> Text {
-        let Variant { fetched, filtered, gathers, known } = variant;
+        let Variant { units, fetched, filtered, gathers, known } = variant;
         let structs = self.recipe.prelude(WGSL, shapes);
-        let mut prelude = structs.clone() + &uniforms(self.recipe.params);
+        let mut prelude = structs.clone() + &uniforms(self.recipe.params) + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
@@ -210,11 +225,10 @@ pub(crate) fn integers(source: Option<&Source>) -> Vec<Range<usize>> {
 }
 
 /// A kernel's text, with the integers of its parameters as numbers where they are known. Lines stay where they are.
-fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&[u8]>) -> Text {
+fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbers>) -> Text {
     if let Some(known) = known {
-        let words: &[u32] = bytemuck::cast_slice(known);
-        let integers = reads::integers(structs, params);
-        let integers: Vec<_> = integers.into_iter().map(|(name, at)| (name, &words[at])).collect();
+        let integers = reads::integers(structs, params).into_iter().zip(known);
+        let integers: Vec<_> = integers.filter_map(|((name, _), words)| Some((name, &words.as_ref()?[..]))).collect();
         text.whole = reads::replaced(&text.whole, &integers);
     }
     text
@@ -295,18 +309,16 @@ fn uniform(shape: &Shape) -> String {
     )
 }
 
-/// Units of the work axis that a workgroup of the kernel that publishes takes.
-pub(crate) const PUBLISH_UNITS: u32 = 64;
-
-/// The kernel that makes a slab of a field of texels of a format from what stages wrote.
-pub(crate) fn publish_text(format: FieldFormat) -> Text {
+/// The kernel that makes a slab of a field of texels of a format from what stages wrote, in workgroups of so many invocations.
+pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
     let (texture, words) = match format {
         // Halves are not published.
         FieldFormat::Scalar | FieldFormat::Half { .. } => ("r32float", 1),
         FieldFormat::Rgba => ("rgba32float", 4),
     };
     let mut text = Text::default();
-    let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME) + &WGSL.integer("WORDS", words);
+    let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME);
+    let prelude = prelude + &WGSL.integer("UNITS", units) + &WGSL.integer("WORDS", words);
     text.push("generated", &prelude);
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
     text
@@ -316,7 +328,7 @@ pub(crate) fn publish_text(format: FieldFormat) -> Text {
 pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
     let mut text = Text::default();
     let structs = SweepParams::text(WGSL);
-    let mut prelude = structs.clone() + &uniforms(SweepParams::NAME);
+    let mut prelude = structs.clone() + &uniforms(SweepParams::NAME) + &WGSL.integer("UNITS", variant.units);
     for (index, shape) in shapes.iter().enumerate() {
         prelude += &match shape.kind {
             ShapeKind::Write => buffer(shape, index),

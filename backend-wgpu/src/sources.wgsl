@@ -1,9 +1,9 @@
 // The source functions of the cells toward each direction of a batch of `sweep`, whose planes ask for each of them five
 // times. One invocation a cell of a direction.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(UNITS)
 fn sources_toward(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let item = number(id) * 64u + lane;
+    let item = number(id) * UNITS + lane;
     if item >= launch.count {
         return;
     }

@@ -6,6 +6,7 @@ use airlight_core::device::{Binding, BindingAccess, DeviceError, FieldFormat, Fi
 use wgpu::{Buffer, BufferUsages, TextureView};
 
 use crate::gpu::Gpu;
+use crate::groups::Entry;
 use crate::memory::{Memory, Resource, Volume};
 use crate::source::{Fetched, Shape, ShapeKind, index_binding, slab_binding, words};
 use crate::texels::{self, Copy, Texels};
@@ -38,6 +39,17 @@ pub(crate) struct Bound<'s> {
     pub(crate) textures: Vec<(u32, &'s TextureView)>,
 }
 
+impl Bound<'_> {
+    /// The entries of the bind groups of buffers and of textures.
+    pub(crate) fn entries(&self) -> [Vec<Entry>; 2] {
+        let buffers = self.buffers.iter();
+        let buffers =
+            buffers.map(|&(number, buffer, offset, bytes)| Entry::Buffer(number, buffer.clone(), offset, bytes));
+        let textures = self.textures.iter().map(|&(number, view)| Entry::Texture(number, view.clone()));
+        [buffers.collect(), textures.collect()]
+    }
+}
+
 impl Store {
     /// A store without resources.
     pub(crate) fn new(gpu: &Gpu, limits: &Limits) -> Result<Self, DeviceError> {
@@ -64,9 +76,9 @@ impl Store {
         Ok(())
     }
 
-    /// Drops a resource, if it exists. wgpu frees it when no work needs it any more.
-    pub(crate) fn remove(&mut self, id: ResourceId) {
-        self.resources.remove(&id);
+    /// Takes a resource away, if it exists. wgpu frees it when neither work nor a bind group needs it any more.
+    pub(crate) fn remove(&mut self, id: ResourceId) -> Option<Resource> {
+        self.resources.remove(&id)
     }
 
     /// A resource.
@@ -181,9 +193,13 @@ impl Store {
         written.filter_map(|binding| self.buffer(binding.id?).ok()).for_each(Memory::changed);
     }
 
-    /// Books that no copy of what a stage binds was made.
-    pub(crate) fn forget(&self, bindings: &[Binding]) {
-        bindings.iter().filter_map(|binding| self.buffer(binding.id?).ok()).for_each(Memory::changed);
+    /// Books that copies may not have been made.
+    pub(crate) fn forget_copies(&self) {
+        self.resources.values().for_each(|resource| {
+            if let Resource::Buffer(memory) = resource {
+                memory.changed();
+            }
+        });
     }
 
     /// What a stage binds where `window` gives offset and bytes of each buffer that is not `fetched`.

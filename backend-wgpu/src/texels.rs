@@ -52,7 +52,7 @@ impl Texels {
             usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST,
             view_formats: &[],
         };
-        let texture = gpu.guarded(width * height * 4 * u64::from(words), || gpu.device.create_texture(&description))?;
+        let texture = gpu.texture(width * height * 4 * u64::from(words), &description)?;
         let view = gpu.guarded(0, || texture.create_view(&Default::default()))?;
         Ok(Self { texture, view, words, fresh: Cell::new(false) })
     }

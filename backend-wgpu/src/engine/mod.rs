@@ -140,8 +140,8 @@ impl WgpuDevice {
     /// wgpu's defaults are; no feature is required. With `Features::TIMESTAMP_QUERY` stages are timed on the device.
     ///
     /// The device's handlers of uncaptured errors and of its loss stay the engine's: errors of ours are caught in
-    /// scopes, and the loss is told by [`WgpuDevice::loss_notice`]. Where we wait (the first frames, uploads past some
-    /// 64 MiB, reading back), we wait for all work of the queue, and callbacks of the engine's that are due are called.
+    /// scopes, and the loss is told by [`WgpuDevice::loss_notice`]. Where we wait (the first frames, uploads that are some
+    /// 32 MiB ahead of the device, reading back), we wait for all work of the queue, and callbacks of the engine's that are due are called.
     ///
     /// # Errors
     /// Limits that do not do, with the numbers.
@@ -257,9 +257,12 @@ impl WgpuDevice {
         self.store.wrote(&bindings);
         let copies = Vec::new();
         let launches = Launches { pipeline, params, units: text::UNITS, sequential: None, copies, shots };
-        let sent = launch::send(&self.gpu, &self.limits, &[launches], None)?;
-        self.gpu.sent("an engine's frame", sent);
-        Ok(())
+        let what = "an engine's frame";
+        let recorded = launch::record(&mut self.gpu, &mut self.groups, &self.limits, what, &[launches], None);
+        // Its textures may be gone with its next frame.
+        views.iter().for_each(|(_, view)| self.groups.forget_texture(view));
+        recorded?;
+        self.gpu.send()
     }
 }
 

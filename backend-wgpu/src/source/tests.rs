@@ -54,8 +54,9 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                 let shapes = shapes(stage, slabs);
                 let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
                 let plain = Variant::default();
-                let ones = vec![1_u32; stage.params().len() / 4];
-                let known = Some(bytemuck::cast_slice(&ones));
+                let places = integers(Some(&of(stage))).into_iter();
+                let ones: Numbers = places.map(|at| Some(vec![1; at.len()])).collect();
+                let known = Some(&ones);
                 let variants = [
                     plain,
                     Variant { filtered: true, ..plain },
@@ -83,7 +84,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
         }
     }
     for format in [FieldFormat::Scalar, FieldFormat::Rgba] {
-        assert_eq!(module(&publish_text(format)).err(), None);
+        assert_eq!(module(&publish_text(format, UNITS)).err(), None);
     }
 }
 
@@ -106,10 +107,12 @@ fn every_stage_has_a_kernel_of_its_name() {
         assert_eq!((stage.name(), of(stage).name), (name, name));
         let module = module(&text(stage, 1)).unwrap();
         assert_eq!(module.entry_points[0].name, name);
-        // One workgroup takes a workgroup's invocations' worth of units, or they share one.
         let size: u32 = module.entry_points[0].workgroup_size.iter().product();
-        assert_eq!(size, 64);
-        assert!([1, size].contains(&of(stage).units));
+        assert_eq!(size, UNITS);
+        // Where invocations do not work together, there may be any number of them.
+        let other = of(stage).text(&shapes(stage, 1), Variant { units: 32, ..Variant::default() });
+        let size = self::module(&other).unwrap().entry_points[0].workgroup_size;
+        assert_eq!(size.iter().product::<u32>(), if of(stage).alone { 32 } else { UNITS });
     }
 }
 
@@ -151,7 +154,7 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
     let limits = crate::adapter::required_limits();
     let mut texts: Vec<_> = examples(true).iter().map(|stage| text(stage, 1)).collect();
-    texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(publish_text));
+    texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(|format| publish_text(format, UNITS)));
     texts.extend(crate::engine::kernels());
     let mut most = [0; 6];
     for text in texts {

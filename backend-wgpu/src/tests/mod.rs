@@ -3,7 +3,10 @@
 
 mod engine;
 mod filter;
+mod staging;
+mod steady;
 mod trouble;
+mod units;
 
 use airlight_core::device::{Buf, Device, ResourceId, ResourceSpec, Usage};
 use airlight_core::stage::{Relight, RelightParams};
