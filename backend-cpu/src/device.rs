@@ -179,7 +179,7 @@ impl Device for CpuDevice {
         let (isa, part) = (memory.device.isa, range.clone());
         let done = match stage {
             Stage::Inject(stage) => kernels::inject::run(stage, part, &mut memory, isa),
-            Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory),
+            Stage::Reduce(stage) => kernels::reduce::run(stage, part, &mut memory, isa),
             Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
             Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
             Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory, isa),
@@ -189,7 +189,7 @@ impl Device for CpuDevice {
             Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),
             Stage::Upsample(stage) => kernels::upsample::run(stage, part, &mut memory, isa),
             Stage::Accumulate(stage) => kernels::accumulate::run(stage, part, &mut memory, isa),
-            Stage::Coarsen(stage) => kernels::coarsen::run(stage, part, &mut memory),
+            Stage::Coarsen(stage) => kernels::coarsen::run(stage, part, &mut memory, isa),
             Stage::Illuminate(stage) => kernels::illuminate::run(stage, part, &mut memory, isa),
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
             Stage::Obstruct(stage) => kernels::obstruct::run(stage, part, &mut memory, isa),

@@ -69,6 +69,18 @@ impl<'a> Held<'a> {
         }
     }
 
+    /// Texels one after the other, as many as `count` says, and zeros.
+    #[inline(always)]
+    pub(crate) fn run<S: Simd>(&self, at: usize, count: usize) -> F<S> {
+        if let Self::Floats(Floats(texels)) = *self
+            && let Some(run) = texels.get(at..at + LANES)
+        {
+            let run: &[f32; LANES] = run.try_into().expect("as many as lanes");
+            return F::splat(count as f32).gt(F::of(lanes!(i => i as f32))).select(F::of(*run), F::ZERO);
+        }
+        F::of(lanes!(i => if i < count { self.one(at + i) } else { 0.0 }))
+    }
+
     /// A single texel.
     #[inline(always)]
     pub(crate) fn one(&self, at: usize) -> f32 {

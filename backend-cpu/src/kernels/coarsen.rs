@@ -7,7 +7,12 @@ use airlight_core::stage::{Coarsen, CoarsenParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
+use super::reduce::{share, shares};
+use crate::Isa;
 use crate::device::Memory;
+use crate::isa::compiled_for;
+use crate::packet::F;
+use crate::simd::Simd;
 
 /// Cells that one task takes at the least.
 const TASK: usize = 16;
@@ -22,7 +27,7 @@ struct Inputs<'a> {
     emission_color: &'a [[f32; 4]],
 }
 
-pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
+pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.out)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
@@ -40,8 +45,13 @@ pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>) -
         emission_color: colors(stage.emission_color)?,
     };
     let begin = range.start as usize;
-    let means: Vec<[f32; PLANES]> =
-        range.into_par_iter().with_min_len(TASK).map(|index| coarsen(&inputs, index)).collect();
+    let mean = |index: u32| {
+        let (inputs, mut means) = (&inputs, [0.0; PLANES]);
+        let out = &mut means;
+        compiled_for!(isa, coarsen<S>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]));
+        means
+    };
+    let means: Vec<[f32; PLANES]> = range.into_par_iter().with_min_len(TASK).map(mean).collect();
     let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
     let cells = stage.params.cells[..3].iter().product::<u32>() as usize;
     for (plane, out) in out.chunks_exact_mut(cells).take(PLANES).enumerate() {
@@ -51,7 +61,8 @@ pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>) -
 }
 
 /// Extinction, albedo and emission of a cell.
-fn coarsen(inputs: &Inputs<'_>, index: u32) -> [f32; PLANES] {
+#[inline(always)]
+fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
     let p = inputs.p;
     let [x, y, ..] = p.cells;
     let cell = [index % x, index / x % y, index / x / y];
@@ -60,7 +71,18 @@ fn coarsen(inputs: &Inputs<'_>, index: u32) -> [f32; PLANES] {
     let lo = [0, 1, 2].map(|a| (begin[a].floor() as u32).min(p.dims[a] - 1));
     let hi = [0, 1, 2].map(|a| (end[a].ceil() as u32).clamp(1, p.dims[a]) - 1);
     let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
-    for k in lo[2]..=hi[2] {
+    // Where colors do not vary, rows of scalars are summed at once.
+    let plain = inputs.scattering.is_empty() && inputs.emission_color.is_empty();
+    if plain {
+        density = sum::<S>(inputs.density, [begin, end], [lo, hi]);
+        scatters = [density; 3];
+        shines = match inputs.emission {
+            Some(emission) => [sum::<S>(emission, [begin, end], [lo, hi]); 3],
+            None => [density; 3],
+        };
+    }
+    let slices = if plain { 0..0 } else { lo[2]..hi[2] + 1 };
+    for k in slices {
         for j in lo[1]..=hi[1] {
             let mut i = lo[0];
             while i <= hi[0] {
@@ -96,7 +118,6 @@ fn coarsen(inputs: &Inputs<'_>, index: u32) -> [f32; PLANES] {
     // A cell holds a part of a voxel at the least, but its sides are rounded.
     let volume = (x * y * z).max(1e-30);
     let on = p.emission[3];
-    let mut out = [0.0; PLANES];
     for c in 0..3 {
         let scattering = scatters[c] / volume * p.extinction[c] * p.albedo[c];
         let extinction = (density / volume * p.extinction[c] - on * scattering).max(0.0);
@@ -108,10 +129,22 @@ fn coarsen(inputs: &Inputs<'_>, index: u32) -> [f32; PLANES] {
         };
         out[6 + c] = shines[c] / volume * p.emission[c];
     }
-    out
 }
 
-/// The part of voxel `i` that lies between two places; voxel i fills i to i + 1.
-fn share(begin: f32, end: f32, i: u32) -> f32 {
-    (end.min(i as f32 + 1.0) - begin.max(i as f32)).max(0.0)
+/// The sum over voxels of a box, each weighed by the part of it that lies between two places.
+#[inline(always)]
+fn sum<S: Simd>(field: Scalars<'_>, [begin, end]: [[f32; 3]; 2], [lo, hi]: [[u32; 3]; 2]) -> f32 {
+    let mut sums = F::<S>::ZERO;
+    for k in lo[2]..=hi[2] {
+        for j in lo[1]..=hi[1] {
+            let share_of_row = share(begin[1], end[1], j) * share(begin[2], end[2], k);
+            let mut i = lo[0];
+            while i <= hi[0] {
+                let run = field.run::<S>([i, j, k], hi[0]);
+                sums = sums + run.texels * (shares(begin[0], end[0], i) * share_of_row);
+                i += run.count;
+            }
+        }
+    }
+    sums.0.iter().sum()
 }

@@ -211,6 +211,12 @@ pub(crate) struct Scalars<'a> {
     bricks: Option<Bricks<'a>>,
 }
 
+/// Texels along x, and how many there are; it may be more than lanes where all are zero.
+pub(crate) struct Run<S> {
+    pub(crate) texels: F<S>,
+    pub(crate) count: u32,
+}
+
 impl<'a> Scalars<'a> {
     /// The texels of a field, with at least one float behind them.
     pub(crate) fn new(memory: &'a [f32], spec: &FieldSpec) -> Self {
@@ -231,14 +237,31 @@ impl<'a> Scalars<'a> {
 
     /// A single texel.
     #[inline(always)]
-    pub(crate) fn texel(&self, [i, j, k]: [u32; 3]) -> f32 {
+    pub(crate) fn texel(&self, at: [u32; 3]) -> f32 {
+        self.texels.one(self.at(at))
+    }
+
+    /// Where a texel lies.
+    #[inline(always)]
+    fn at(&self, [i, j, k]: [u32; 3]) -> usize {
         match &self.bricks {
-            None => {
-                let place = (k as usize * self.dims[1] as usize + j as usize) * self.dims[0] as usize + i as usize;
-                self.texels.one(place)
-            }
-            Some(bricks) => self.texels.one(bricks.single([i, j, k])),
+            None => (k as usize * self.dims[1] as usize + j as usize) * self.dims[0] as usize + i as usize,
+            Some(bricks) => bricks.single([i, j, k]),
         }
+    }
+
+    /// As many texels along x, from one on to `last`, as lie one after the other, up to sixteen; zeros behind them.
+    #[inline(always)]
+    pub(crate) fn run<S: Simd>(&self, from: [u32; 3], last: u32) -> Run<S> {
+        let mut count = (last - from[0] + 1).min(LANES as u32);
+        if self.bricks.is_some() {
+            let empty = self.empty(from);
+            if empty > 0 {
+                return Run { texels: F::ZERO, count: empty };
+            }
+            count = count.min(BrickLayout::BLOCK - from[0] % BrickLayout::BLOCK);
+        }
+        Run { texels: self.texels.run(self.at(from), count as usize), count }
     }
 
     /// Whether all blocks from that of one texel to that of another are few and share a brick of one value.

@@ -3,9 +3,12 @@
 use airlight_core::stage::{Reduce, ReduceParams};
 
 use super::field::Scalars;
+use crate::packet::F;
+use crate::simd::Simd;
 
 /// The maximum over every voxel that a lookup in the widened cell can touch, or over probes: over the rows of this pass.
-pub(crate) fn maximum(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3]) -> f32 {
+#[inline(always)]
+pub(crate) fn maximum<S: Simd>(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3]) -> f32 {
     if p.coarse[3] > 0 {
         return probe(p, field, cell);
     }
@@ -20,21 +23,17 @@ pub(crate) fn maximum(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3]) -> f
     if field.uniform(lo, hi) {
         return field.texel(lo).max(0.0);
     }
-    let mut most = 0.0f32;
+    let mut most = F::<S>::ZERO;
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
         let mut i = lo[0];
         while i <= hi[0] {
-            let zeros = field.empty([i, j, k]);
-            if zeros > 0 {
-                i += zeros;
-                continue;
-            }
-            most = most.max(field.texel([i, j, k]));
-            i += 1;
+            let run = field.run::<S>([i, j, k], hi[0]);
+            most = run.texels.max(most);
+            i += run.count;
         }
     }
-    most
+    most.max_lane()
 }
 
 /// The maximum of n³ lookups, evenly spread over the cell: over the rows of this pass.

@@ -8,9 +8,13 @@ use rayon::prelude::*;
 
 use super::field::Scalars;
 use super::maximum::maximum;
+use crate::Isa;
 use crate::device::Memory;
+use crate::isa::compiled_for;
+use crate::packet::{F, LANES, lanes};
+use crate::simd::Simd;
 
-pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
+pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.out)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
@@ -21,34 +25,52 @@ pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>) ->
     };
     let out: &mut [[f32; 2]] = bytemuck::cast_slice_mut(out.remove(0));
     let part = &mut out[range.start as usize..range.end as usize];
-    part.par_iter_mut().zip(range).for_each(|(place, index)| *place = reduce(p, density, other, index, *place));
+    part.par_iter_mut().zip(range).for_each(|(place, index)| {
+        let (p, out): (&ReduceParams, _) = (p, place);
+        compiled_for!(
+            isa,
+            reduce<S>(
+                p: &ReduceParams,
+                density: Scalars<'_>,
+                other: Option<Scalars<'_>>,
+                index: u32,
+                out: &mut [f32; 2],
+            )
+        );
+    });
     Ok(())
 }
 
 /// Mean and maximum of a cell, from what the passes before left.
-fn reduce(
-    p: &ReduceParams,
-    density: Scalars<'_>,
-    other: Option<Scalars<'_>>,
-    index: u32,
-    before: [f32; 2],
-) -> [f32; 2] {
+#[inline(always)]
+fn reduce<S: Simd>(p: &ReduceParams, density: Scalars<'_>, other: Option<Scalars<'_>>, index: u32, out: &mut [f32; 2]) {
     let [x, y, ..] = p.coarse;
     let cell = [index % x, index / x % y, index / x / y];
-    let [sum, most] = if p.row_begin > 0 { before } else { [0.0; 2] };
-    let most = most.max(maximum(p, density, cell));
-    let most = other.map_or(most, |other| most.max(maximum(p, other, cell)));
-    [mean(p, density, cell, sum), most]
+    let [sum, most] = if p.row_begin > 0 { *out } else { [0.0; 2] };
+    let mut most = most.max(maximum::<S>(p, density, cell));
+    if let Some(other) = other {
+        most = most.max(maximum::<S>(p, other, cell));
+    }
+    *out = [mean::<S>(p, density, cell, sum), most];
 }
 
 /// The part of voxel `i` that lies between two places; voxel i fills i to i + 1.
-fn share(begin: f32, end: f32, i: u32) -> f32 {
+#[inline(always)]
+pub(crate) fn share(begin: f32, end: f32, i: u32) -> f32 {
     (end.min(i as f32 + 1.0) - begin.max(i as f32)).max(0.0)
+}
+
+/// The same of voxels from `i` on.
+#[inline(always)]
+pub(crate) fn shares<S: Simd>(begin: f32, end: f32, i: u32) -> F<S> {
+    let i = F::of(lanes!(n => n as f32)) + i as f32;
+    ((i + 1.0).min(F::splat(end)) - i.max(F::splat(begin))).max(F::ZERO)
 }
 
 /// The mean of the voxels, each weighed by the part of it that lies in the cell: the sum so far with the rows of this
 /// pass, and in the last pass divided.
-fn mean(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f32) -> f32 {
+#[inline(always)]
+fn mean<S: Simd>(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f32) -> f32 {
     let begin = [0, 1, 2].map(|a| cell[a] as f32 * p.cell[a]);
     let end = [0, 1, 2].map(|a| (cell[a] + 1) as f32 * p.cell[a]);
     let lo = [0, 1, 2].map(|a| (begin[a].floor() as u32).min(p.dims[a] - 1));
@@ -57,21 +79,18 @@ fn mean(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f32) -> f3
     // What holds zero alone adds nothing.
     let zero = field.uniform(lo, hi) && field.texel(lo) == 0.0;
     let rows = if zero { 0 } else { across * (hi[2] - lo[2] + 1) };
-    let mut sum = before;
+    let mut sums = F::<S>::ZERO;
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
+        let share_of_row = share(begin[1], end[1], j) * share(begin[2], end[2], k);
         let mut i = lo[0];
         while i <= hi[0] {
-            let zeros = field.empty([i, j, k]);
-            if zeros > 0 {
-                i += zeros;
-                continue;
-            }
-            let w = share(begin[0], end[0], i) * share(begin[1], end[1], j) * share(begin[2], end[2], k);
-            sum += w * field.texel([i, j, k]);
-            i += 1;
+            let run = field.run::<S>([i, j, k], hi[0]);
+            sums = sums + run.texels * (shares(begin[0], end[0], i) * share_of_row);
+            i += run.count;
         }
     }
+    let sum = before + sums.0.iter().sum::<f32>();
     if p.row_end < Reduce::ALL_ROWS {
         return sum;
     }
