@@ -9,6 +9,7 @@ mod bare;
 mod device;
 mod film;
 mod held;
+mod inputs;
 mod isa;
 mod kernels;
 mod packet;

@@ -8,18 +8,19 @@ use airlight_core::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, alo
 use rayon::prelude::*;
 
 use super::face::{face, side_of};
-use super::field::{Colors, Places, Scalars};
+use super::field::{Colors, Places};
 use super::harmonics::{self, harmonics};
 use super::light::{Incident, incident, to_index};
-use super::mesh::{Mesh, line};
-use super::phase::{Phase, phase};
+use super::mesh::line;
+use super::phase::phase;
 use super::phong::{normal, phong};
-use super::sample::{Ahead, Occupancy, Ray};
+use super::sample::{Ahead, Ray};
 use super::segment::{decays, segment};
-use super::sky::{Sky, sky};
+use super::sky::sky;
 use crate::Isa;
 use crate::device::Memory;
 use crate::film::{Film, Pixels, SIDE, lanes_of, packets};
+use crate::inputs::Inputs;
 use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, each, lanes, triple};
 use crate::simd::{Floats, Simd};
@@ -30,97 +31,13 @@ const TILE: usize = 4;
 /// Steps whose density is looked up together, so that each waits less for its own.
 const TOGETHER: usize = 2;
 
-struct Inputs<'a> {
-    p: &'a MarchParams,
-    density: Scalars<'a>,
-    scattering: Option<Colors<'a>>,
-    emission: Option<Scalars<'a>>,
-    emission_color: Option<Colors<'a>>,
-    occupancy: Option<Occupancy<'a>>,
-    in_scatter: Option<Colors<'a>>,
-    scattered: Option<Colors<'a>>,
-    light_depth: Option<Colors<'a>>,
-    lights: &'a [LightRecord],
-    phase: Phase<'a>,
-    tables: &'a [f32],
-    environment: Option<Sky<'a>>,
-    surface: &'a [[f32; 4]],
-    mesh: Mesh<'a>,
-    shadow_map: &'a [f32],
-    grey: bool,
-    /// Whether there is something that scatters, and light that it may scatter.
-    lit: bool,
-    emits: bool,
-    /// Whether one channel serves all, and what scatters is a part of what stops.
-    plain: bool,
-}
-
 pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.film)?;
     if let Some(paths) = stage.paths {
         memory.take(paths)?;
     }
     let (out, read) = memory.split();
-    let p = &stage.params;
-    let density = read.scalars(stage.density)?;
-    let tables = read.buf(stage.tables)?;
-    let [x, y, z, _] = p.dims;
-    let colors = |field| match field {
-        Some(field) => Ok(Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1]))),
-        None => Ok::<_, DeviceError>(None),
-    };
-    let grey = [p.extinction, p.light_extinction].iter().all(|e| e[0] == e[1] && e[1] == e[2]);
-    let emits = p.emission[..3].iter().any(|&e| e != 0.0);
-    let inputs = Inputs {
-        p,
-        density,
-        scattering: colors(stage.scattering)?,
-        emission: match stage.emission {
-            Some(field) => Some(read.scalars(field)?),
-            None => None,
-        },
-        emission_color: colors(stage.emission_color)?,
-        occupancy: match stage.occupancy {
-            Some(buf) => Some(Occupancy::new(read.buf(buf)?, p.occupancy_cells)),
-            None => None,
-        },
-        in_scatter: match stage.in_scatter {
-            Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.cells)),
-            None => None,
-        },
-        scattered: match stage.scattered {
-            Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.scattered_cells)),
-            None => None,
-        },
-        light_depth: match stage.light_depth {
-            Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), p.light_cells)),
-            None => None,
-        },
-        lights: &read.opt(stage.lights)?[..p.lights as usize],
-        phase: Phase {
-            kind: p.phase_kind,
-            lobes: p.phase,
-            table: &tables[p.phase_at as usize..][..p.phase_size as usize],
-        },
-        tables,
-        environment: match stage.environment {
-            Some(field) => Some(Sky {
-                texels: bytemuck::cast_slice(read.field(field)?),
-                width: p.environment_width,
-                height: p.environment_height,
-                tint: p.environment,
-            }),
-            None => None,
-        },
-        surface: read.opt(stage.surface)?,
-        mesh: Mesh::new(read.opt(stage.mesh)?, p.nodes),
-        shadow_map: read.opt(stage.shadow_map)?,
-        lit: p.albedo[0] + p.albedo[1] + p.albedo[2] > 0.0
-            && (stage.in_scatter.is_some() || stage.scattered.is_some() || p.lights > 0),
-        emits,
-        grey,
-        plain: grey && !emits && stage.scattering.is_none(),
-    };
+    let (inputs, p) = (Inputs::new(stage, read)?, &stage.params);
     let mut out = out.into_iter();
     let film = &Film::new(out.next(), out.next(), [p.width, p.height]);
     let [across, down] = [p.width, p.height].map(|n| (n as usize).div_ceil(BLOCK));
