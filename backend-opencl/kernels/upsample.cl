@@ -135,7 +135,7 @@ Medium around(const Bound *bound, uint x, uint y, Small small, float distance) {
         uint sx = min(max(x0 + i % 4u, 1u) - 1u, small.width - 1u);
         uint sy = min(max(y0 + i / 4u, 1u) - 1u, small.height - 1u);
         float other = held(bound, small, sx, sy, 0u).w;
-        float apart = fabs(1.0f / fmax(distance, 1e-6f) - 1.0f / fmax(other, 1e-6f));
+        float apart = fabs(1.0f / clamp(distance, 1e-6f, 1e30f) - 1.0f / clamp(other, 1e-6f, 1e30f));
         if (other >= 0.0f && apart < least) {
             least = apart;
             at = (uint2)(sx, sy);
@@ -167,7 +167,8 @@ float part(uint n, uint a, uint b) {
 
 // How well surfaces of two distances fit.
 float fit(float a, float b) {
-    float nearer = 1.0f - fmin(a, b) / fmax(fmax(a, b), 1e-30f);
+    // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
+    float nearer = 1.0f - fmin(fmin(a, b), 1e30f) / clamp(fmax(a, b), 1e-30f, 1e30f);
     return clamp(2.0f - nearer / UPSAMPLE_NEAR, 0.0f, 1.0f);
 }
 

@@ -165,7 +165,8 @@ fn finite(v: f32) -> bool {
 
 // How well surfaces of two distances fit.
 fn fit(a: f32, b: f32) -> f32 {
-    let nearer = 1.0 - min(a, b) / max(max(a, b), 1e-30);
+    // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
+    let nearer = 1.0 - min(min(a, b), 1e30) / clamp(max(a, b), 1e-30, 1e30);
     return clamp(2.0 - nearer / ACCUMULATE_NEAR, 0.0, 1.0);
 }
 

@@ -106,7 +106,7 @@ fn around(x: u32, y: u32, small: Small, distance: f32) -> Medium {
         let sx = min(max(x0 + i % 4u, 1u) - 1u, small.width - 1u);
         let sy = min(max(y0 + i / 4u, 1u) - 1u, small.height - 1u);
         let other = held(small, sx, sy, 0u).w;
-        let apart = abs(1.0 / max(distance, 1e-6) - 1.0 / max(other, 1e-6));
+        let apart = abs(1.0 / clamp(distance, 1e-6, 1e30) - 1.0 / clamp(other, 1e-6, 1e30));
         if other >= 0.0 && apart < least {
             least = apart;
             at = vec2<u32>(sx, sy);
@@ -138,7 +138,8 @@ fn part(n: u32, a: u32, b: u32) -> f32 {
 
 // How well surfaces of two distances fit.
 fn fit(a: f32, b: f32) -> f32 {
-    let nearer = 1.0 - min(a, b) / max(max(a, b), 1e-30);
+    // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
+    let nearer = 1.0 - min(min(a, b), 1e30) / clamp(max(a, b), 1e-30, 1e30);
     return clamp(2.0 - nearer / UPSAMPLE_NEAR, 0.0, 1.0);
 }
 

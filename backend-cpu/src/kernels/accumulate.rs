@@ -209,7 +209,8 @@ fn finite(v: f32) -> bool {
 /// How well surfaces of two distances fit.
 #[inline(always)]
 fn fit(a: f32, b: f32) -> f32 {
-    let nearer = 1.0 - a.min(b) / a.max(b).max(1e-30);
+    // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
+    let nearer = 1.0 - a.min(b).min(1e30) / a.max(b).clamp(1e-30, 1e30);
     (2.0 - nearer / Accumulate::NEAR).clamp(0.0, 1.0)
 }
 

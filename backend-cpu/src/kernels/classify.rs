@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, lanes, triple};
+use crate::packet::{F, I, LANES, lanes, lerp, triple};
 use crate::simd::Simd;
 
 const PACK: usize = Classify::PACK as usize;
@@ -72,24 +72,41 @@ fn classify<S: Simd>(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]) {
 /// What the control points say of values: linear between two, constant beyond the first and the last.
 #[inline(always)]
 fn point<S: Simd>(inputs: &Inputs<'_>, value: F<S>) -> Points<S> {
-    let last = inputs.points.len() - 1;
-    let mut below = [0usize; LANES];
+    let last = F::splat((inputs.points.len() - 1) as f32);
+    let mut below = F::ZERO;
     for point in inputs.points {
-        for (below, value) in below.iter_mut().zip(&value.0) {
-            *below += usize::from(point.place[0] <= *value);
-        }
+        below = below + value.ge(F::splat(point.place[0])).select(F::ONE, F::ZERO);
     }
-    let a = |i: usize| &inputs.points[below[i].max(1) - 1];
-    let b = |i: usize| &inputs.points[below[i].min(last)];
-    let width = F::of(lanes!(i => b(i).place[0] - a(i).place[0]));
+    // A value, a density, a first colour from the fourth float on and a second from the eighth.
+    let floats: &[f32] = bytemuck::cast_slice(inputs.points);
+    let record = (size_of::<ControlRecord>() / size_of::<f32>()) as i32;
+    let a = (below.max(F::ONE) - 1.0).to_int().times(record);
+    let b = below.min(last).to_int().times(record);
+    let start = number(floats, a, 0);
+    let width = number(floats, b, 0) - start;
     // Beyond the ends both are one point, and between them never.
-    let f = width.gt(F::ZERO).select((value - F::of(lanes!(i => a(i).place[0]))) / width, F::ZERO);
-    let mixed = |a: F<S>, b: F<S>| a + (b - a) * f;
+    let f = width.gt(F::ZERO).select((value - start) / width, F::ZERO);
+    let colored = inputs.p.dims[3] != classify_kind::DENSITY;
+    let seen = inputs.p.dims[3] == classify_kind::SEEN;
     Points {
-        density: mixed(F::of(lanes!(i => a(i).place[1])), F::of(lanes!(i => b(i).place[1]))),
-        first: triple!(c => mixed(F::of(lanes!(i => a(i).first[c])), F::of(lanes!(i => b(i).first[c])))),
-        second: triple!(c => mixed(F::of(lanes!(i => a(i).second[c])), F::of(lanes!(i => b(i).second[c])))),
+        density: mixed(floats, [a, b], 1, f),
+        first: if colored { triple!(c => mixed(floats, [a, b], 4 + c as i32, f)) } else { [F::ZERO; 3] },
+        second: if seen { triple!(c => mixed(floats, [a, b], 8 + c as i32, f)) } else { [F::ZERO; 3] },
     }
+}
+
+/// A number of a point, whose first float lies at `at`.
+#[inline(always)]
+fn number<S: Simd>(floats: &[f32], at: I<S>, n: i32) -> F<S> {
+    // SAFETY: `point` alone calls this, for points that there are and numbers that each of them has.
+    #[allow(unsafe_code)]
+    F::of(unsafe { S::one(floats, at.plus(I::splat(n)).0) })
+}
+
+/// Between a number of two points.
+#[inline(always)]
+fn mixed<S: Simd>(floats: &[f32], [a, b]: [I<S>; 2], n: i32, f: F<S>) -> F<S> {
+    lerp(number(floats, a, n), number(floats, b, n), f)
 }
 
 /// The colours of a kind that has some.

@@ -241,7 +241,7 @@ fn nearest(small: Small<'_>, [x0, y0]: [u32; 2], distance: f32) -> Medium {
         let sx = ((x0 + i % 4).max(1) - 1).min(small.width - 1);
         let sy = ((y0 + i / 4).max(1) - 1).min(small.height - 1);
         let other = held(sx, sy)[0][3];
-        let apart = (nearness(distance) - nearness(other)).abs();
+        let apart = (1.0 / distance.clamp(1e-6, 1e30) - 1.0 / other.clamp(1e-6, 1e30)).abs();
         if other >= 0.0 && apart < least {
             (least, at) = (apart, [sx, sy]);
         }
@@ -260,12 +260,8 @@ fn part(n: u32, a: u32, b: u32) -> f32 {
 /// How well surfaces of two distances fit.
 #[inline(always)]
 fn fit(a: f32, b: f32) -> f32 {
-    let (near, far) = (a.min(b), a.max(b).max(1e-30));
-    // Also because processors are slow at quotients that are hardly a number, such as of what is as far as can be.
-    if near < 0.5 * far {
-        return 0.0;
-    }
-    let nearer = 1.0 - near / far;
+    // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
+    let nearer = 1.0 - a.min(b).min(1e30) / a.max(b).clamp(1e-30, 1e30);
     (2.0 - nearer / Upsample::NEAR).clamp(0.0, 1.0)
 }
 
@@ -282,12 +278,6 @@ fn alike(inputs: &Inputs<'_>, [x, y]: [u32; 2], small: Small<'_>, [sx, sy]: [u32
     }
     let cosine = cosine(here, there);
     ((cosine - Upsample::COSINE) / (1.0 - Upsample::COSINE)).clamp(0.0, 1.0)
-}
-
-/// One over a distance; nothing where it is as far as can be, which processors are slow at.
-#[inline(always)]
-fn nearness(distance: f32) -> f32 {
-    if distance < FAR { 1.0 / distance.max(1e-6) } else { 0.0 }
 }
 
 impl Medium {
