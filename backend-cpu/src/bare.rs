@@ -56,7 +56,7 @@ fn bare<S: Simd>(field: Scalars<'_>, rays: &[BareRay], out: &mut f32) {
         sum = F::splat(k).lt(count).select(sum + field.sample::<S>(at), sum);
         k += 1.0;
     }
-    *out += sum.0.iter().sum::<f32>();
+    *out += sum.total();
 }
 
 #[cfg(test)]

@@ -183,6 +183,20 @@ impl<S: Simd> F<S> {
         S::most(self.0)
     }
 
+    /// The sum of all lanes: halves of them are added, then quarters and so on.
+    #[inline(always)]
+    pub(crate) fn total(self) -> f32 {
+        let mut sums = self.0;
+        let mut count = LANES / 2;
+        while count > 0 {
+            for i in 0..count {
+                sums[i] += sums[i + count];
+            }
+            count /= 2;
+        }
+        sums[0]
+    }
+
     /// The integers that the lanes hold; all must lie in the range of `i32`.
     #[inline(always)]
     pub(crate) fn to_int(self) -> I<S> {

@@ -146,5 +146,5 @@ fn sum<S: Simd>(field: Scalars<'_>, [begin, end]: [[f32; 3]; 2], [lo, hi]: [[u32
             }
         }
     }
-    sums.0.iter().sum()
+    sums.total()
 }

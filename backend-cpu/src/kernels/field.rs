@@ -211,7 +211,7 @@ pub(crate) struct Scalars<'a> {
     bricks: Option<Bricks<'a>>,
 }
 
-/// Texels along x, and how many there are; it may be more than lanes where all are zero.
+/// Texels along x, and how many there are.
 pub(crate) struct Run<S> {
     pub(crate) texels: F<S>,
     pub(crate) count: u32,
@@ -250,17 +250,15 @@ impl<'a> Scalars<'a> {
         }
     }
 
-    /// As many texels along x, from one on to `last`, as lie one after the other, up to sixteen; zeros behind them.
+    /// The texels along x, from one on to `last`, that lie in its block of bricks, also where there are none: sums over
+    /// runs are those of every layout. Zeros behind them.
     #[inline(always)]
     pub(crate) fn run<S: Simd>(&self, from: [u32; 3], last: u32) -> Run<S> {
-        let mut count = (last - from[0] + 1).min(LANES as u32);
-        if self.bricks.is_some() {
-            let empty = self.empty(from);
-            if empty > 0 {
-                return Run { texels: F::ZERO, count: empty };
-            }
-            count = count.min(BrickLayout::BLOCK - from[0] % BrickLayout::BLOCK);
+        let empty = self.empty(from);
+        if empty > 0 {
+            return Run { texels: F::ZERO, count: empty };
         }
+        let count = (last - from[0] + 1).min(BrickLayout::BLOCK - from[0] % BrickLayout::BLOCK);
         Run { texels: self.texels.run(self.at(from), count as usize), count }
     }
 

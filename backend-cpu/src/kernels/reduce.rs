@@ -79,18 +79,19 @@ fn mean<S: Simd>(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f
     // What holds zero alone adds nothing.
     let zero = field.uniform(lo, hi) && field.texel(lo) == 0.0;
     let rows = if zero { 0 } else { across * (hi[2] - lo[2] + 1) };
-    let mut sums = F::<S>::ZERO;
+    let mut sum = before;
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
         let share_of_row = share(begin[1], end[1], j) * share(begin[2], end[2], k);
-        let mut i = lo[0];
+        let (mut sums, mut i) = (F::<S>::ZERO, lo[0]);
         while i <= hi[0] {
             let run = field.run::<S>([i, j, k], hi[0]);
-            sums = sums + run.texels * (shares(begin[0], end[0], i) * share_of_row);
+            sums = sums + run.texels * shares(begin[0], end[0], i);
             i += run.count;
         }
+        // Row by row, so that passes of some rows each add up to the same.
+        sum += sums.total() * share_of_row;
     }
-    let sum = before + sums.0.iter().sum::<f32>();
     if p.row_end < Reduce::ALL_ROWS {
         return sum;
     }

@@ -74,10 +74,10 @@ fn tables_of_papers_are_told_whole() {
         let entries = row["entries"].as_array().unwrap();
         assert_eq!(entries.iter().map(|e| e["form"].as_str().unwrap()).collect::<Vec<_>>(), ["ours", "published"]);
         for entry in entries {
-            has(entry, "device form seconds fastest slowest runs frames_per_second stages skipped fault");
+            has(entry, "device form seconds fastest slowest runs frames_per_second stages error skipped fault");
             assert_eq!((&entry["device"], &entry["runs"]), (&"cpu:0".into(), &0.into()));
             assert!(entry["skipped"].as_str().unwrap().contains("more than 0 s"), "{entry:#}");
-            let empty = ["seconds", "fastest", "slowest", "frames_per_second", "stages", "fault"];
+            let empty = ["seconds", "fastest", "slowest", "frames_per_second", "stages", "error", "fault"];
             assert!(empty.iter().all(|key| entry[key].is_null()), "{entry:#}");
         }
     }
