@@ -81,15 +81,7 @@ impl<'a> Inputs<'a> {
                 table: &tables[p.phase_at as usize..][..p.phase_size as usize],
             },
             tables,
-            environment: match stage.environment {
-                Some(field) => Some(Sky {
-                    texels: bytemuck::cast_slice(read.field(field)?),
-                    width: p.environment_width,
-                    height: p.environment_height,
-                    tint: p.environment,
-                }),
-                None => None,
-            },
+            environment: Sky::of(read, stage.environment, [p.environment_width, p.environment_height], p.environment)?,
             surface: read.opt(stage.surface)?,
             mesh: Mesh::new(read.opt(stage.mesh)?, p.nodes),
             shadow_map: read.opt(stage.shadow_map)?,

@@ -7,11 +7,10 @@ use airlight_core::stage::{Coarsen, CoarsenParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
-use super::reduce::{share, shares};
+use super::reduce::{row_sum, share};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::F;
 use crate::simd::Simd;
 
 /// Cells that one task takes at the least.
@@ -73,17 +72,19 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
     let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
     // Where colors do not vary, rows of scalars are summed at once.
     let plain = inputs.scattering.is_empty() && inputs.emission_color.is_empty();
-    if plain {
-        density = sum::<S>(inputs.density, [begin, end], [lo, hi]);
-        scatters = [density; 3];
-        shines = match inputs.emission {
-            Some(emission) => [sum::<S>(emission, [begin, end], [lo, hi]); 3],
-            None => [density; 3],
-        };
-    }
-    let slices = if plain { 0..0 } else { lo[2]..hi[2] + 1 };
-    for k in slices {
+    for k in lo[2]..=hi[2] {
         for j in lo[1]..=hi[1] {
+            if plain {
+                let own = row_sum::<S>(inputs.density, [begin, end], [lo[0], hi[0]], [j, k]);
+                let glow = match inputs.emission {
+                    Some(emission) => row_sum::<S>(emission, [begin, end], [lo[0], hi[0]], [j, k]),
+                    None => own,
+                };
+                density += own;
+                scatters = [0, 1, 2].map(|c| scatters[c] + own);
+                shines = [0, 1, 2].map(|c| shines[c] + glow);
+                continue;
+            }
             let mut i = lo[0];
             while i <= hi[0] {
                 // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
@@ -129,22 +130,4 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
         };
         out[6 + c] = shines[c] / volume * p.emission[c];
     }
-}
-
-/// The sum over voxels of a box, each weighed by the part of it that lies between two places.
-#[inline(always)]
-fn sum<S: Simd>(field: Scalars<'_>, [begin, end]: [[f32; 3]; 2], [lo, hi]: [[u32; 3]; 2]) -> f32 {
-    let mut sums = F::<S>::ZERO;
-    for k in lo[2]..=hi[2] {
-        for j in lo[1]..=hi[1] {
-            let share_of_row = share(begin[1], end[1], j) * share(begin[2], end[2], k);
-            let mut i = lo[0];
-            while i <= hi[0] {
-                let run = field.run::<S>([i, j, k], hi[0]);
-                sums = sums + run.texels * (shares(begin[0], end[0], i) * share_of_row);
-                i += run.count;
-            }
-        }
-    }
-    sums.total()
 }

@@ -105,15 +105,7 @@ pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> R
             None => None,
         },
         emission_color: colors(stage.emission_color)?,
-        environment: match stage.environment {
-            Some(field) => Some(Sky {
-                texels: bytemuck::cast_slice(read.field(field)?),
-                width: p.environment_width,
-                height: p.environment_height,
-                tint: p.environment,
-            }),
-            None => None,
-        },
+        environment: Sky::of(read, stage.environment, [p.environment_width, p.environment_height], p.environment)?,
         lights: &read.opt(stage.lights)?[..p.lights as usize],
         tables,
         bends: tables.get(p.bends_at as usize..).unwrap_or_default(),

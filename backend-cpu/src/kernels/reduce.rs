@@ -62,9 +62,27 @@ pub(crate) fn share(begin: f32, end: f32, i: u32) -> f32 {
 
 /// The same of voxels from `i` on.
 #[inline(always)]
-pub(crate) fn shares<S: Simd>(begin: f32, end: f32, i: u32) -> F<S> {
+fn shares<S: Simd>(begin: f32, end: f32, i: u32) -> F<S> {
     let i = F::of(lanes!(n => n as f32)) + i as f32;
     ((i + 1.0).min(F::splat(end)) - i.max(F::splat(begin))).max(F::ZERO)
+}
+
+/// The sum over a row of voxels, from one to another along x, each weighed by the part of it that lies in the box between
+/// two places.
+#[inline(always)]
+pub(crate) fn row_sum<S: Simd>(
+    field: Scalars<'_>,
+    [begin, end]: [[f32; 3]; 2],
+    [first, last]: [u32; 2],
+    [j, k]: [u32; 2],
+) -> f32 {
+    let (mut sums, mut i) = (F::<S>::ZERO, first);
+    while i <= last {
+        let run = field.run::<S>([i, j, k], last);
+        sums = sums + run.texels * shares(begin[0], end[0], i);
+        i += run.count;
+    }
+    sums.total() * share(begin[1], end[1], j) * share(begin[2], end[2], k)
 }
 
 /// The mean of the voxels, each weighed by the part of it that lies in the cell: the sum so far with the rows of this
@@ -82,15 +100,8 @@ fn mean<S: Simd>(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f
     let mut sum = before;
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
-        let share_of_row = share(begin[1], end[1], j) * share(begin[2], end[2], k);
-        let (mut sums, mut i) = (F::<S>::ZERO, lo[0]);
-        while i <= hi[0] {
-            let run = field.run::<S>([i, j, k], hi[0]);
-            sums = sums + run.texels * shares(begin[0], end[0], i);
-            i += run.count;
-        }
         // Row by row, so that passes of some rows each add up to the same.
-        sum += sums.total() * share_of_row;
+        sum += row_sum::<S>(field, [begin, end], [lo[0], hi[0]], [j, k]);
     }
     if p.row_end < Reduce::ALL_ROWS {
         return sum;

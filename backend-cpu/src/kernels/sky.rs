@@ -2,7 +2,10 @@
 
 use std::f32::consts::PI;
 
+use airlight_core::device::{DeviceError, Field};
+
 use super::angle::{angle, angle_of_cosine};
+use crate::device::Readable;
 use crate::packet::{F, LANES, lanes, lerp, triple};
 use crate::simd::Simd;
 
@@ -15,6 +18,19 @@ pub(crate) struct Sky<'a> {
     pub(crate) height: u32,
     /// Multiplies the radiance, RGB; rotation in turns.
     pub(crate) tint: [f32; 4],
+}
+
+impl<'a> Sky<'a> {
+    /// The environment of a field, where there is one, of so many texels along each side.
+    pub(crate) fn of(
+        read: Readable<'a>,
+        field: Option<Field>,
+        [width, height]: [u32; 2],
+        tint: [f32; 4],
+    ) -> Result<Option<Self>, DeviceError> {
+        let Some(field) = field else { return Ok(None) };
+        Ok(Some(Self { texels: bytemuck::cast_slice(read.field(field)?), width, height, tint }))
+    }
 }
 
 /// The environment's radiance from `d`.

@@ -80,15 +80,7 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
         rims: bytemuck::cast_slice(read.opt(stage.rims)?),
         surface: read.opt(stage.surface)?,
         normals: read.opt(stage.normals)?,
-        environment: match stage.environment {
-            Some(field) => Some(Sky {
-                texels: bytemuck::cast_slice(read.field(field)?),
-                width: p.environment_width,
-                height: p.environment_height,
-                tint: p.environment,
-            }),
-            None => None,
-        },
+        environment: Sky::of(read, stage.environment, [p.environment_width, p.environment_height], p.environment)?,
         subpixels: read.buf(stage.subpixels)?,
     };
     let inputs = &inputs;
