@@ -11,6 +11,8 @@ use airlight_core::device::{
 use airlight_core::host;
 use airlight_core::stage::Stage;
 use bytemuck::Pod;
+use rayon::iter::{IndexedParallelIterator, ParallelIterator};
+use rayon::slice::{ParallelSlice, ParallelSliceMut};
 
 use crate::kernels::field::Scalars;
 use crate::{Isa, kernels};
@@ -25,6 +27,9 @@ pub struct CpuDevice {
 
 /// Bytes of a resource for which the system is asked what it has free.
 const LARGE: u64 = 16 << 20;
+
+/// Bytes that a thread copies at a time.
+const COPY: usize = 256 << 10;
 
 /// Sixteen bytes at a multiple of sixteen, so that every element type is aligned.
 #[repr(C, align(16))]
@@ -81,6 +86,7 @@ impl CpuDevice {
             },
             features: vec![format!("{cores} threads"), isa.name().to_owned()],
             filter_bits: 24,
+            contracts: false,
             unusable: None,
         };
         Self { info, isa, resources: HashMap::new(), times: Vec::new() }
@@ -156,7 +162,8 @@ impl Device for CpuDevice {
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         let resource = self.get(id)?;
         resource.spec.check_read(offset, out.len())?;
-        out.copy_from_slice(&resource.bytes()[offset as usize..][..out.len()]);
+        let from = resource.bytes()[offset as usize..][..out.len()].par_chunks(COPY);
+        out.par_chunks_mut(COPY).zip(from).for_each(|(out, from)| out.copy_from_slice(from));
         Ok(())
     }
 

@@ -207,5 +207,5 @@ float stopped(float3 transmittance, float depth) {
     if (!finite(depth)) {
         return 0.0f;
     }
-    return fmax(1.0f - (transmittance.x + transmittance.y + transmittance.z) * (1.0f / 3.0f), 1e-9f);
+    return fmax((3.0f - (transmittance.x + transmittance.y + transmittance.z)) * (1.0f / 3.0f), 1e-9f);
 }

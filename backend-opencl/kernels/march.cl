@@ -151,9 +151,10 @@ void run_march(const Bound *bound) {
         return;
     }
     float share = 1.0f / convert_float(bound->params->samples);
-    F mean = (transmitted.x + transmitted.y + transmitted.z) * (share / 3.0f);
     F depth = stopped > 0.0f ? stopped_at / stopped : (F)(INFINITY);
-    F last = 1.0f - mean;
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    float all = 3.0f * convert_float(bound->params->samples);
+    F last = (all - (transmitted.x + transmitted.y + transmitted.z)) * (share / 3.0f);
     if (bound->params->alone != ALONE_NO) {
         last = (F)(FAR);
         if (has_surface) {

@@ -114,9 +114,10 @@ void run_path(const Bound *bound) {
     bound->paths[pixel] = keep(&way, &on, &numbers);
     float share = 1.0f / max(light.w, 1.0f);
     float3 transmitted = seen.xyz * share;
-    float stops = 1.0f - (transmitted.x + transmitted.y + transmitted.z) * (1.0f / 3.0f);
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    float stops = (3.0f * light.w - (seen.x + seen.y + seen.z)) * (share / 3.0f);
     float depth = stop.x > 0.0f ? stop.y / stop.x : INFINITY;
-    bound->film[2u * (size_t)pixel] = (float4)(light.xyz * share, light.w > 0.0f ? stops : 0.0f);
+    bound->film[2u * (size_t)pixel] = (float4)(light.xyz * share, stops);
     bound->film[2u * (size_t)pixel + 1u] = (float4)(transmitted, depth);
 }
 

@@ -88,13 +88,15 @@ float mean(const Bound *bound, __global const LightFace *face, uint light, int3 
         u = place.xyz - convert_float3(at);
     }
     float3 origin = (convert_float3(at) + 0.5f) * side - 0.5f;
-    float far = max(metres(bound, u), 1.2e-38f);
+    // At a light a way so short that nothing changes along it, and so long that its column is a normal number: devices
+    // may take others for 0.
+    float far = max(metres(bound, u), 1e-30f);
     float3 toward = u * side / far;
     Ray way = through(origin, toward, size, has_place ? far : FAR, longest_step);
     float extent = way.step * way.steps;
     if (face->near == 1u) {
         if (way.steps > 0.0f) {
-            return column(bound, &way, (uint4)(0u), true) / max(extent, 1.2e-38f);
+            return column(bound, &way, (uint4)(0u), true) / max(extent, 1e-30f);
         }
         return sample_density(bound, origin, convert_int3(bound->params->dims.xyz), 0);
     }

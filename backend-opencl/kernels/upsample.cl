@@ -62,8 +62,10 @@ void run_upsample(const Bound *bound) {
     float3 transmittance = found.transmittance / found.weight;
     float depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : INFINITY;
     float3 color = radiance + transmittance * behind(bound, x, y, pixel);
-    float mean = (transmittance.x + transmittance.y + transmittance.z) * (1.0f / 3.0f);
-    bound->film[2u * pixel] = (float4)(color, 1.0f - mean);
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    float all = 3.0f * found.weight;
+    float alpha = (all - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / all;
+    bound->film[2u * pixel] = (float4)(color, alpha);
     bound->film[2u * pixel + 1u] = (float4)(transmittance, depth);
 }
 
@@ -205,7 +207,7 @@ void add(const Bound *bound, Medium *sum, Small small, uint sx, uint sy, float w
     sum->transmittance += weight * through.xyz;
     sum->weight += weight;
     if (through.w < FAR) {
-        float stopped = weight * fmax(1.0f - (through.x + through.y + through.z) * (1.0f / 3.0f), 1e-9f);
+        float stopped = weight * fmax((3.0f - (through.x + through.y + through.z)) * (1.0f / 3.0f), 1e-9f);
         sum->stopped += stopped;
         sum->stopped_at += stopped * through.w;
     }

@@ -179,6 +179,7 @@ fn describe(index: usize, found: &Found) -> DeviceInfo {
         },
         features,
         filter_bits: 24,
+        contracts: false,
         unusable: None,
     }
 }

@@ -175,5 +175,5 @@ fn stopped(transmittance: vec3<f32>, depth: f32) -> f32 {
     if !finite(depth) {
         return 0.0;
     }
-    return max(1.0 - (transmittance.x + transmittance.y + transmittance.z) * (1.0 / 3.0), 1e-9);
+    return max((3.0 - (transmittance.x + transmittance.y + transmittance.z)) * (1.0 / 3.0), 1e-9);
 }

@@ -101,12 +101,12 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         return;
     }
     let scale = 1.0 / f32(params.samples);
-    let mean = (transmitted.x + transmitted.y + transmitted.z) * (scale / 3.0);
     var depth = launch.infinity;
     if stopped > 0.0 {
         depth = stopped_at / stopped;
     }
-    var last = 1.0 - mean;
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    var last = (3.0 * f32(params.samples) - (transmitted.x + transmitted.y + transmitted.z)) * (scale / 3.0);
     if params.alone != ALONE_NO {
         last = FAR;
         if has_surface {

@@ -89,12 +89,13 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
     paths[here] = keep(way, on, numbers);
     let share = 1.0 / max(light.w, 1.0);
     let transmitted = seen.xyz * share;
-    let stops = 1.0 - (transmitted.x + transmitted.y + transmitted.z) * (1.0 / 3.0);
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    let stops = (3.0 * light.w - (seen.x + seen.y + seen.z)) * (share / 3.0);
     var depth = launch.infinity;
     if stop.x > 0.0 {
         depth = stop.y / stop.x;
     }
-    film[2u * here] = vec4<f32>(light.xyz * share, select(0.0, stops, light.w > 0.0));
+    film[2u * here] = vec4<f32>(light.xyz * share, stops);
     film[2u * here + 1u] = vec4<f32>(transmitted, depth);
 }
 

@@ -75,13 +75,15 @@ fn mean(face: LightFace, light: u32, at: vec3<i32>) -> f32 {
         u = place.xyz - vec3<f32>(at);
     }
     let origin = (vec3<f32>(at) + 0.5) * params.cell.xyz - 0.5;
-    let far = max(metres(u), 1.2e-38);
+    // At a light a way so short that nothing changes along it, and so long that its column is a normal number: devices
+    // may take others for 0.
+    let far = max(metres(u), 1e-30);
     let toward = u * params.cell.xyz / far;
     let way = through(origin, toward, size, select(FAR, far, has_place), params.cell.w);
     let extent = way.step * way.steps;
     if face.near == 1u {
         if way.steps > 0.0 {
-            return column(way, vec4<u32>(0u)) / max(extent, 1.2e-38);
+            return column(way, vec4<u32>(0u)) / max(extent, 1e-30);
         }
         return sample_density(origin, vec3<i32>(params.dims.xyz), 0);
     }

@@ -50,8 +50,10 @@ fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) 
         depth = found.stopped_at / found.stopped;
     }
     let color = radiance + transmittance * behind(x, y, pixel);
-    let mean = (transmittance.x + transmittance.y + transmittance.z) * (1.0 / 3.0);
-    film[2u * pixel] = vec4<f32>(color, 1.0 - mean);
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    let all = 3.0 * found.weight;
+    let alpha = (all - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / all;
+    film[2u * pixel] = vec4<f32>(color, alpha);
     film[2u * pixel + 1u] = vec4<f32>(transmittance, depth);
 }
 
@@ -174,7 +176,7 @@ fn add(sum: ptr<function, Medium>, small: Small, sx: u32, sy: u32, weight: f32) 
     (*sum).transmittance += weight * through.xyz;
     (*sum).weight += weight;
     if through.w < FAR {
-        let stopped = weight * max(1.0 - (through.x + through.y + through.z) * (1.0 / 3.0), 1e-9);
+        let stopped = weight * max((3.0 - (through.x + through.y + through.z)) * (1.0 / 3.0), 1e-9);
         (*sum).stopped += stopped;
         (*sum).stopped_at += stopped * through.w;
     }

@@ -162,6 +162,8 @@ pub(crate) fn describe(
         features,
         // Of kernels that interpolate themselves; the device that is made tells whether its texture units do.
         filter_bits: 24,
+        // WGSL has no word against it. Mesa's software driver keeps the two apart.
+        contracts: info.driver != "llvmpipe",
         unusable: None,
     }
 }

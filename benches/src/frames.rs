@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use airlight::Renderer;
 use airlight::device::Device;
-use airlight::exec::{RenderError, Rendered};
+use airlight::exec::{RenderError, Report};
 use airlight::glam::{DVec3, Vec3};
 use airlight::light::{Environment, Image, Light};
 use airlight::media::{Medium, Optics};
@@ -78,7 +78,7 @@ impl Frame {
     pub fn start(
         self,
         device: Box<dyn Device>,
-    ) -> Result<impl FnMut() -> Result<Rendered, RenderError> + use<>, RenderError> {
+    ) -> Result<impl FnMut() -> Result<Report, RenderError> + use<>, RenderError> {
         let mut scene = scene(self);
         let media: [Arc<dyn Medium>; 2] = [scene.medium.clone(), medium()];
         let mut renderer = Renderer::new(device);
@@ -103,7 +103,9 @@ impl Frame {
                     scene.lights = sun(turn).into_iter().collect();
                 }
             }
-            renderer.render(&scene)
+            let rendered = renderer.render(&scene)?;
+            renderer.recycle(rendered.film);
+            Ok(rendered.report)
         })
     }
 }
@@ -170,7 +172,7 @@ mod tests {
         for frame in Frame::ALL {
             let mut next = frame.start(airlight::open("cpu").unwrap()).unwrap();
             for _ in 0..2 {
-                assert_eq!(next().unwrap().report.ran(), frame.stages(), "{}", frame.name());
+                assert_eq!(next().unwrap().ran(), frame.stages(), "{}", frame.name());
             }
         }
     }

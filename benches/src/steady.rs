@@ -157,6 +157,7 @@ fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Durati
                 runs.push(frames.time(time, &rendered));
                 total += time;
                 stages = rendered.report.ran();
+                renderer.recycle(rendered.film);
             }
             Err(RenderError::Exec(ExecError::Cancelled)) if !runs.is_empty() => break,
             Err(error) => return given_up(error, "a frame", limit),

@@ -72,6 +72,7 @@ pub(crate) fn device(info: &DeviceInfo) -> Value {
         },
         "features": info.features,
         "filter_bits": info.filter_bits,
+        "contracts": info.contracts,
         "unusable": info.unusable,
     })
 }

@@ -153,7 +153,10 @@ fn scenes() -> Axis<Scene> {
         ("emission in one layer", lit(glowing(grey(Phase::Isotropic)), records(Content::Transmittance, 3))),
         ("lights", with_lights(lit(chromatic(of("double_hg")), records(radiance, 2)))),
     ];
+    // 11, 7 and 9 cells: with an even number, a border would lie in the middle of the box, and on it the middle sample of every
+    // ray from one wall to the one across.
     let nearest = Records {
+        cells: 11,
         interpolation: Interpolation::Nearest,
         elimination: Elimination::Probes(3),
         directions: 192,

@@ -84,6 +84,8 @@ pub struct DeviceRecord {
     pub limits: LimitsRecord,
     /// Bits of a filter weight between two texels.
     pub filter_bits: u32,
+    /// Whether its compilers may round a product and a sum as one.
+    pub contracts: bool,
 }
 
 /// Sizes that a device does not exceed.
@@ -115,6 +117,7 @@ impl From<&DeviceInfo> for DeviceRecord {
                 loop_turns: info.limits.loop_turns,
             },
             filter_bits: info.filter_bits,
+            contracts: info.contracts,
         }
     }
 }

@@ -80,6 +80,12 @@ tolerances! {
         "Directions are good to 2⁻²⁴, which 1.6 km make 10⁻⁴ m on a ball of 0.22 m: normals turn by 5·10⁻⁴, more toward \
          its rim." }
 
+    /// As [`STAGE`], of light as of surfaces.
+    LOCAL { 5e-5, 5e-3,
+        "A normal is a difference of six densities, which are good to 2⁻²³ of themselves: down to a change of 10⁻⁵ of the \
+         density it has a direction, good to a hundredth where it is least. Few samples of a picture lie where it is so level: \
+         6·10⁻⁶ of a picture where each operation rounds once, 2·10⁻⁵ where products and sums are rounded as one." }
+
     /// As [`STAGE`], of means.
     MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }
 
@@ -110,6 +116,11 @@ tolerances! {
     FRAME_NEAREST { 1e-3, f64::INFINITY,
         "A sample within a rounding of the border of two cells takes either one's radiance, which differ by some tens of \
          per cents: that moves one pixel by the share of one of its steps, 2·10⁻⁴ of the picture as measured." }
+
+    /// The same picture by kernels of two builds, on a device that may round a product and a sum as one.
+    CONTRACTED { 1e-6, 1e-5,
+        "One build rounds once where another rounds twice: that moves places by 2⁻²⁴ of up to a hundred voxels in a few \
+         samples, and pictures by 10⁻⁸ as measured." }
 
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }

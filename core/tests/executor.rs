@@ -56,6 +56,7 @@ impl Bookkeeper {
             limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048, loop_turns: None },
             features: Vec::new(),
             filter_bits: 24,
+            contracts: false,
             unusable: None,
         };
         let device = Self { info, books: Arc::clone(&books), memory: HashMap::new(), times: Vec::new() };

@@ -31,6 +31,7 @@ impl Ledger {
             limits,
             features,
             filter_bits: 24,
+            contracts: false,
             unusable: None,
         };
         let taken = Arc::new(Mutex::new(0));

@@ -220,5 +220,5 @@ fn stopped(transmittance: [f32; 3], depth: f32) -> f32 {
     if !finite(depth) {
         return 0.0;
     }
-    (1.0 - (transmittance[0] + transmittance[1] + transmittance[2]) * (1.0 / 3.0)).max(1e-9)
+    ((3.0 - (transmittance[0] + transmittance[1] + transmittance[2])) * (1.0 / 3.0)).max(1e-9)
 }

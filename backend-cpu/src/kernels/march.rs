@@ -143,9 +143,10 @@ fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
         return;
     }
     let scale = 1.0 / p.samples as f32;
-    let mean = (through[0] + through[1] + through[2]) * (scale / 3.0);
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    let alpha = (F::splat(3.0 * p.samples as f32) - (through[0] + through[1] + through[2])) * (scale / 3.0);
     let last = match (p.alone, inputs.surface.is_empty()) {
-        (alone::NO, _) => F::ONE - mean,
+        (alone::NO, _) => alpha,
         (_, true) => F::splat(FAR),
         (_, false) => marched.select(seen(0, 3).min(F::splat(FAR)), F::splat(March::UNMARCHED)),
     };

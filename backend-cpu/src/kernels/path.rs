@@ -177,12 +177,11 @@ fn path(inputs: &Inputs<'_>, pixel: u32, sums: &mut Sums, record: &mut PathRecor
     *record = keep(&way, &on, &numbers);
     let share = 1.0 / light[3].max(1.0);
     let through = triple!(c => seen[c] * share);
-    let stops = 1.0 - (through[0] + through[1] + through[2]) * (1.0 / 3.0);
+    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+    let stops = (3.0 * light[3] - (seen[0] + seen[1] + seen[2])) * (share / 3.0);
     let depth = if stop[0] > 0.0 { stop[1] / stop[0] } else { f32::INFINITY };
-    *film = [
-        [light[0] * share, light[1] * share, light[2] * share, if light[3] > 0.0 { stops } else { 0.0 }],
-        [through[0], through[1], through[2], depth],
-    ];
+    *film =
+        [[light[0] * share, light[1] * share, light[2] * share, stops], [through[0], through[1], through[2], depth]];
 }
 
 /// A place of the world, from the eye, in index space.

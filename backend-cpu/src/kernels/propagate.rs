@@ -148,14 +148,16 @@ fn mean<S: Simd>(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, out: &mu
     let at = triple!(a => F::of(lanes!(i => cells.at[i][a] as f32)));
     let u = triple!(a => if has_place { F::splat(place[a]) - at[a] } else { F::splat(place[a]) });
     let origin = triple!(a => (at[a] + 0.5) * p.cell[a] - 0.5);
-    let metres = metres(p, u).max(F::splat(f32::MIN_POSITIVE));
+    // At a light a way so short that nothing changes along it, and so long that its column is a normal number: devices
+    // may take others for 0.
+    let metres = metres(p, u).max(F::splat(1e-30));
     let toward = triple!(a => u[a] * p.cell[a] / metres);
     let limit = if has_place { metres } else { F::splat(f32::INFINITY) };
     let all = M::ALL;
     let way = Ray::through(origin, toward, size, limit, p.cell[3]);
     let length = way.step * way.steps;
     if face.near == 1 {
-        let column = way.column(inputs.density, None, all) / length.max(F::splat(f32::MIN_POSITIVE));
+        let column = way.column(inputs.density, None, all) / length.max(F::splat(1e-30));
         *out = way.steps.gt(F::ZERO).select(column, inputs.density.sample::<S>(origin)).0;
         return;
     }

@@ -130,8 +130,10 @@ fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; 
             let light = [r / found.weight, g / found.weight, b / found.weight];
             let color = triple!(c => light[c] + through[c] * behind[c].0[i]);
             let depth = if stopped > 0.0 { stopped_at / stopped } else { f32::INFINITY };
-            let mean = (through[0] + through[1] + through[2]) * (1.0 / 3.0);
-            out[i] = [[color[0], color[1], color[2], 1.0 - mean], [through[0], through[1], through[2], depth]];
+            // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+            let whole = 3.0 * found.weight;
+            let alpha = (whole - (tr + tg + tb)) / whole;
+            out[i] = [[color[0], color[1], color[2], alpha], [through[0], through[1], through[2], depth]];
         }
     }
 }
@@ -288,7 +290,7 @@ impl Medium {
 fn sums_of([light, through]: &Pixel) -> Sums {
     let (mut stopped, mut stopped_at) = (0.0, 0.0);
     if through[3] < FAR {
-        stopped = (1.0 - (through[0] + through[1] + through[2]) * (1.0 / 3.0)).max(1e-9);
+        stopped = ((3.0 - (through[0] + through[1] + through[2])) * (1.0 / 3.0)).max(1e-9);
         stopped_at = stopped * through[3];
     }
     [light[0], light[1], light[2], through[0], through[1], through[2], stopped, stopped_at]

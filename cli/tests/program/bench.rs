@@ -16,7 +16,7 @@ fn has(object: &Value, fields: &str) {
 }
 
 /// Fields of a device.
-const DEVICE: &str = "id name kind memory_bytes limits features unusable filter_bits";
+const DEVICE: &str = "id name kind memory_bytes limits features unusable filter_bits contracts";
 
 #[test]
 fn every_entry_is_measured_on_a_device_that_is_named() {

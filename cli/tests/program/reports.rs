@@ -19,7 +19,7 @@ fn the_processor_is_among_the_devices() {
     holds(&told, &["version", "backends"]);
     let backends = told["backends"].as_array().unwrap();
     let cpu = &backends.iter().find(|b| b["backend"] == "cpu").unwrap()["devices"][0];
-    holds(cpu, &["id", "name", "kind", "memory_bytes", "limits", "features", "filter_bits"]);
+    holds(cpu, &["id", "name", "kind", "memory_bytes", "limits", "features", "filter_bits", "contracts"]);
     holds(&cpu["limits"], &["buffer_bytes", "binding_bytes", "field_side", "loop_turns"]);
     assert_eq!((&cpu["id"], &cpu["kind"]), (&"cpu:0".into(), &"cpu".into()));
     for backend in backends {

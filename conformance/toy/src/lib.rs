@@ -36,6 +36,7 @@ fn info() -> DeviceInfo {
         limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 4096, loop_turns: None },
         features: Vec::new(),
         filter_bits: 24,
+        contracts: false,
         unusable: None,
     }
 }

@@ -209,6 +209,9 @@ pub struct DeviceInfo {
     pub features: Vec<String>,
     /// Bits of a filter weight between two texels of a field; 24 is a filter in 32-bit floats.
     pub filter_bits: u32,
+    /// Whether its compilers may round a product and a sum as one, which kernels cannot forbid everywhere: then kernels of a
+    /// stage that are built for other layouts may differ in their last bits.
+    pub contracts: bool,
     /// Why it is there and cannot be opened.
     pub unusable: Option<String>,
 }

@@ -223,18 +223,19 @@ impl Executor {
     /// # Errors
     /// A device fault.
     pub fn read<T: bytemuck::Pod>(&mut self, buf: Buf<T>) -> Result<Vec<T>, ExecError> {
-        let mut out = self.room(buf.len)?;
+        let mut out = Vec::new();
+        self.room(&mut out, buf.len)?;
         out.resize(buf.len as usize, T::zeroed());
         self.read_into(buf, 0, &mut out)?;
         Ok(out)
     }
 
-    /// An empty vector with room on the host for `len` elements that will be read back.
-    pub(super) fn room<T>(&self, len: u64) -> Result<Vec<T>, ExecError> {
-        let mut out = Vec::new();
+    /// Empties a vector and sees that it has room on the host for `len` elements that will be read back.
+    pub(super) fn room<T>(&self, out: &mut Vec<T>, len: u64) -> Result<(), ExecError> {
+        out.clear();
         let requested = len.saturating_mul(size_of::<T>() as u64);
         let reserved = usize::try_from(len).is_ok_and(|len| out.try_reserve_exact(len).is_ok());
-        if reserved { Ok(out) } else { Err(self.reading(DeviceError::OutOfMemory { requested, available: None })) }
+        if reserved { Ok(()) } else { Err(self.reading(DeviceError::OutOfMemory { requested, available: None })) }
     }
 }
 

@@ -185,7 +185,8 @@ impl Renderer {
         let width = (survey.bands * survey.bands * survey.functions) as usize;
         let mut channels = Vec::new();
         for _ in 0..survey.channels {
-            let mut values: Vec<f32> = self.executor.room(survey.rows.len() as u64 * width as u64)?;
+            let mut values: Vec<f32> = Vec::new();
+            self.executor.room(&mut values, survey.rows.len() as u64 * width as u64)?;
             values.resize(survey.rows.len() * width, 0.0);
             channels.push(Matrices { width, values });
         }

@@ -1,6 +1,8 @@
 //! From a scene to its film, on one device.
 
 use glam::DVec3;
+use rayon::iter::{IndexedParallelIterator, ParallelExtend, ParallelIterator};
+use rayon::slice::ParallelSlice;
 
 use super::apart::{Medium, plan_accumulate, plan_rims, plan_upsample};
 use super::classify::{Fields, plan_classified};
@@ -81,6 +83,8 @@ impl<'a> Surface<'a> {
 pub struct Renderer {
     pub(super) executor: Executor,
     pub(super) transfers: Transfers,
+    /// Memory for the next film.
+    spare: Film,
 }
 
 /// Voxels along each side of a cell of the march's occupancy.
@@ -100,7 +104,7 @@ const LIGHT_FLOOR: f64 = 0.01;
 impl Renderer {
     /// A renderer on `device`.
     pub fn new(device: Box<dyn Device>) -> Self {
-        Self { executor: Executor::new(device), transfers: Transfers::default() }
+        Self { executor: Executor::new(device), transfers: Transfers::default(), spare: Film::default() }
     }
 
     /// The executor, for limits and for stages of one's own.
@@ -180,24 +184,30 @@ impl Renderer {
         // A few rows at a time: a second copy of a large picture may be more than there is room for.
         let &OnDevice { film: from, width, height, .. } = left;
         let pixels = u64::from(width) * u64::from(height);
-        let mut beauty = self.executor.room(pixels)?;
-        let mut transmittance = self.executor.room(pixels)?;
-        let mut depth = self.executor.room(pixels)?;
+        let Film { mut beauty, mut transmittance, mut depth, .. } = std::mem::take(&mut self.spare);
+        self.executor.room(&mut beauty, pixels)?;
+        self.executor.room(&mut transmittance, pixels)?;
+        self.executor.room(&mut depth, pixels)?;
         let mut part = vec![[0.0; 4]; 2 * READ.min(pixels) as usize];
         let mut at = 0;
         while at < pixels {
             let count = READ.min(pixels - at);
             let part = &mut part[..2 * count as usize];
             self.executor.read_into(from, 2 * at, part)?;
-            for pixel in part.chunks_exact(2) {
-                let [r, g, b, distance] = pixel[1];
-                beauty.push(pixel[0]);
-                transmittance.push([r, g, b]);
-                depth.push(distance);
-            }
+            // Three rows of memory, which all cores fill.
+            let pixels = part.par_chunks_exact(2).with_min_len(1 << 12);
+            beauty.par_extend(pixels.clone().map(|pixel| pixel[0]));
+            transmittance.par_extend(pixels.clone().map(|pixel| [pixel[1][0], pixel[1][1], pixel[1][2]]));
+            depth.par_extend(pixels.map(|pixel| pixel[1][3]));
             at += count;
         }
         Ok(Film { width, height, beauty, transmittance, depth })
+    }
+
+    /// Takes a film back that is not needed any more. The next picture is read into its memory: from frame to frame, nothing
+    /// of a picture's size is allocated.
+    pub fn recycle(&mut self, film: Film) {
+        self.spare = film;
     }
 }
 

@@ -7,6 +7,7 @@
 mod bins;
 mod bricks;
 mod classified;
+mod coarse;
 mod fields;
 mod fog;
 mod gaussians;
@@ -76,6 +77,9 @@ pub enum MediumError {
         /// See `x`.
         z: i32,
     },
+    /// What cannot be made coarser.
+    #[error("{0}")]
+    Coarse(String),
     /// A value to be classified that is none.
     #[error("the value {value} at voxel ({x}, {y}, {z}) is not a finite number")]
     NotFinite {

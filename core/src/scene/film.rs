@@ -1,7 +1,7 @@
 //! What a render gives.
 
 /// A picture with what a compositor needs beside it. All vectors hold `width · height` pixels, row 0 at the top.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Film {
     /// Columns.
     pub width: u32,

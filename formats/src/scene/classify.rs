@@ -6,11 +6,11 @@ use std::sync::Arc;
 use airlight_core::media::{
     Classified, ControlPoint, LARGEST, Medium, MediumError, Preset, TransferFunction, TransferFunctionError,
 };
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 use super::error::Fault;
 use super::file::Slot;
-use super::grids::told_of;
+use super::grids::{Placement, told_of};
 use super::medium::{ReadVolume, placed, volume};
 use super::table::{Field, Table, closest, listed};
 use super::tree::Entry;
@@ -33,6 +33,7 @@ pub(super) struct Values<'a> {
     pub(super) file: Field<'a>,
     pub(super) name: Option<&'a str>,
     pub(super) bounds: Option<(DVec3, DVec3)>,
+    pub(super) coarse: u32,
     pub(super) function: TransferFunction,
 }
 
@@ -54,9 +55,9 @@ impl Values<'_> {
     fn read(&self, folder: &Path, read: ReadVolume<'_>, files: &mut Vec<PathBuf>) -> Result<Classified, Fault> {
         let (volume, path) = volume(folder, read, &self.file, self.name, files)?;
         let map = placed(&self.file, &path, &volume, volume.grid.bounds(), self.bounds)?;
-        let to_world = map.unwrap_or(DAffine3::IDENTITY) * volume.grid.index_to_world();
         let told = |error: MediumError| self.file.from(told_of(&path, error));
-        Classified::new(Arc::new(volume.grid.placed_by(to_world)), self.function.clone()).map_err(told)
+        let values = Placement { map, coarse: self.coarse }.lay(volume.grid).map_err(told)?;
+        Classified::new(values, self.function.clone()).map_err(told)
     }
 }
 

@@ -37,6 +37,36 @@ pub(super) struct Grids<'a> {
     reference: f64,
 }
 
+/// Where the grids of a file go, and how fine they stay.
+pub(super) struct Placement {
+    /// Laid over each grid's own map.
+    pub(super) map: Option<DAffine3>,
+    /// Voxels along each axis that become one.
+    pub(super) coarse: u32,
+}
+
+impl Placement {
+    /// A grid as the scene has it.
+    pub(super) fn lay(&self, grid: Grid) -> Result<Arc<Grid>, MediumError> {
+        let grid = match self.map {
+            Some(map) => {
+                let to_world = map * grid.index_to_world();
+                grid.placed_by(to_world)
+            }
+            None => grid,
+        };
+        Ok(Arc::new(if self.coarse > 1 { grid.coarsened(self.coarse)? } else { grid }))
+    }
+}
+
+/// `medium.coarse`.
+pub(super) fn coarse(medium: &Table<'_>) -> Result<u32, Fault> {
+    medium.or("coarse", 1, |f| match f.whole(1..=8)? {
+        side if side == 1 || Grid::COARSER.contains(&side) => Ok(side),
+        _ => Err(f.wrong("it must be 1, 2, 4 or 8")),
+    })
+}
+
 /// Reads the grid that a key names.
 pub(super) type ReadGrid<'r> = &'r dyn Fn(&Field<'_>) -> Result<Grid, Fault>;
 
@@ -80,34 +110,29 @@ impl<'a> Grids<'a> {
         Ok(Reaching { absorption: read(&self.absorption)?, emission: read(&self.emission)? })
     }
 
-    /// The medium of all; `map` is laid over each grid's own.
+    /// The medium of all.
     pub(super) fn medium(
         &self,
         (file, path): (&Field<'_>, &Path),
         (density, reaching): (Grid, Reaching),
-        map: Option<DAffine3>,
+        placement: &Placement,
         read: ReadGrid<'_>,
     ) -> Result<GridMedium, Fault> {
-        let place = |grid: Grid| {
-            let to_world = map.map(|map| map * grid.index_to_world());
-            Arc::new(match to_world {
-                Some(to_world) => grid.placed_by(to_world),
-                None => grid,
-            })
-        };
         let told = |key: &Field<'_>, error: MediumError| key.from(told_of(path, error));
+        let lay = |key: &Field<'_>, grid: Grid| placement.lay(grid).map_err(|error| told(key, error));
         let Reaching { absorption, emission } = reaching;
-        let mut medium = GridMedium::new(place(density), emission.map(place)).map_err(|error| told(file, error))?;
+        let emission = emission.map(|grid| lay(file, grid)).transpose()?;
+        let mut medium = GridMedium::new(lay(file, density)?, emission).map_err(|error| told(file, error))?;
         if let (Some(key), Some(grid)) = (&self.absorption, absorption) {
-            medium = medium.with_absorption(place(grid)).map_err(|error| told(key, error))?;
+            medium = medium.with_absorption(lay(key, grid)?).map_err(|error| told(key, error))?;
         }
-        let shares = self.albedo.iter().map(|key| read(key).map(place)).collect::<Result<Vec<_>, _>>()?;
+        let shares = self.albedo.iter().map(|key| lay(key, read(key)?)).collect::<Result<Vec<_>, _>>()?;
         if let ([first, ..], [key, ..]) = (&shares[..], &self.albedo[..]) {
             let channel = |c: usize| Arc::clone(shares.get(c).unwrap_or(first));
             medium = medium.with_albedo([0, 1, 2].map(channel)).map_err(|error| told(key, error))?;
         }
         if let Some(key) = &self.temperature {
-            let grid = place(read(key)?);
+            let grid = lay(key, read(key)?)?;
             medium = medium.with_temperature(grid, self.scale, self.reference).map_err(|error| told(key, error))?;
         }
         Ok(medium)

@@ -13,7 +13,7 @@ use super::classify::{self, Values};
 use super::described::{self, Described};
 use super::error::Fault;
 use super::file::Slot;
-use super::grids::{self, Grids};
+use super::grids::{self, Grids, Placement};
 use super::table::{Field, Table};
 use super::tree::Entry;
 use crate::FormatError;
@@ -23,7 +23,7 @@ use crate::volume::Volume;
 pub(super) type ReadVolume<'a> = &'a dyn Fn(&Path, Option<&str>) -> Result<Volume, FormatError>;
 
 const OPTICS: &[&str] = &["extinction", "albedo", "anisotropy", "phase", "emission"];
-const GRID: &[&str] = &["file", "grid", "bounds", "transfer_function", "noise"];
+const GRID: &[&str] = &["file", "grid", "bounds", "coarse", "transfer_function", "noise"];
 const HOMOGENEOUS: &[&str] = &["density", "bounds"];
 
 const PHASES: &[(&str, &[&str])] = &[
@@ -51,6 +51,7 @@ enum Whole<'a> {
         file: Field<'a>,
         name: Option<&'a str>,
         bounds: Option<(DVec3, DVec3)>,
+        coarse: u32,
         grids: Grids<'a>,
         detail: Option<FractalNoise>,
     },
@@ -100,12 +101,13 @@ fn grid_source<'a>(table: &Table<'a>) -> Result<Source<'a>, Fault> {
     file.text()?;
     let name = table.get("grid").map(|f| f.text()).transpose()?;
     let bounds = table.get("bounds").map(|f| f.bounds()).transpose()?;
+    let coarse = grids::coarse(table)?;
     if let Some(function) = classify::transfer_function(table)? {
-        return Ok(Source::Values(Values { file, name, bounds, function }));
+        return Ok(Source::Values(Values { file, name, bounds, coarse, function }));
     }
     let grids = Grids::parse(table)?;
     let detail = table.wanted("noise").map(|f| described::detail(&f)).transpose()?;
-    Ok(Source::Whole(Whole::Grid { file, name, bounds, grids, detail }))
+    Ok(Source::Whole(Whole::Grid { file, name, bounds, coarse, grids, detail }))
 }
 
 fn optics(table: &Table<'_>) -> Result<Optics, Fault> {
@@ -180,13 +182,14 @@ impl Whole<'_> {
                 Ok(Arc::new(Homogeneous::new(*density, min, max).map_err(|e| bounds.from(e))?))
             }
             Self::Described(described) => described.load(folder, files),
-            Self::Grid { file, name, bounds, grids, detail } => {
+            Self::Grid { file, name, bounds, coarse, grids, detail } => {
                 let (density, path) = volume(folder, read, file, *name, files)?;
                 let grid =
                     |key: &Field<'_>| read(&path, Some(key.text()?)).map(|volume| volume.grid).map_err(|e| key.from(e));
                 let reaching = grids.reaching(&grid)?;
                 let map = placed(file, &path, &density, reaching.window(&density.grid), *bounds)?;
-                let medium = Arc::new(grids.medium((file, &path), (density.grid, reaching), map, &grid)?);
+                let placement = Placement { map, coarse: *coarse };
+                let medium = Arc::new(grids.medium((file, &path), (density.grid, reaching), &placement, &grid)?);
                 Ok(match detail {
                     Some(noise) => Arc::new(Detailed::new(medium, *noise)),
                     None => medium,

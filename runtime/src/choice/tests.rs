@@ -51,6 +51,7 @@ fn info(backend: &'static str, index: usize, kind: DeviceKind, name: &str) -> De
         limits: Limits { buffer_bytes: 1 << 30, binding_bytes: 1 << 30, field_side: 2048, loop_turns: None },
         features: Vec::new(),
         filter_bits: 24,
+        contracts: false,
         unusable: None,
     }
 }
