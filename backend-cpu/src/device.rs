@@ -11,8 +11,6 @@ use airlight_core::device::{
 use airlight_core::host;
 use airlight_core::stage::Stage;
 use bytemuck::Pod;
-use rayon::iter::{IndexedParallelIterator, ParallelIterator};
-use rayon::slice::{ParallelSlice, ParallelSliceMut};
 
 use crate::kernels::field::Scalars;
 use crate::{Isa, kernels};
@@ -27,9 +25,6 @@ pub struct CpuDevice {
 
 /// Bytes of a resource for which the system is asked what it has free.
 const LARGE: u64 = 16 << 20;
-
-/// Bytes that a thread copies at a time.
-const COPY: usize = 256 << 10;
 
 /// Sixteen bytes at a multiple of sixteen, so that every element type is aligned.
 #[repr(C, align(16))]
@@ -162,9 +157,13 @@ impl Device for CpuDevice {
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         let resource = self.get(id)?;
         resource.spec.check_read(offset, out.len())?;
-        let from = resource.bytes()[offset as usize..][..out.len()].par_chunks(COPY);
-        out.par_chunks_mut(COPY).zip(from).for_each(|(out, from)| out.copy_from_slice(from));
+        out.copy_from_slice(&resource.bytes()[offset as usize..][..out.len()]);
         Ok(())
+    }
+
+    fn view(&self, id: ResourceId) -> Option<&[u8]> {
+        let resource = self.get(id).ok()?;
+        matches!(resource.spec, ResourceSpec::Buffer { .. }).then(|| resource.bytes())
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use airlight::Version;
 use airlight::glam::{DVec3, UVec3};
-use airlight::media::{Lattice, Medium};
+use airlight::media::{Grid, GridMedium, Lattice, Medium};
 
 use crate::fill_slice;
 
@@ -36,6 +36,13 @@ impl Volume {
         let mut values = vec![0.0; slice * dims.z as usize];
         values.chunks_exact_mut(slice).zip(0..).for_each(|(out, k)| fill_slice(dims, k, out));
         values
+    }
+
+    /// The same density, of which `side` voxels along each axis are one.
+    pub(crate) fn coarsened(&self, side: u32) -> GridMedium {
+        let (dims, map) = (self.lattice.dims(), self.lattice.index_to_world());
+        let grid = Grid::dense(dims, map, self.all()).and_then(|grid| grid.coarsened(side));
+        GridMedium::new(Arc::new(grid.expect("a side that divides")), None).expect("the values are densities")
     }
 
     /// The same density as one that nothing knows yet.

@@ -22,7 +22,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "ID")]
     device: Vec<String>,
     /// Repeat the papers' own measurements instead: all tables, or those whose name begins with TABLE (001,
-    /// 001-table-3). Prints Markdown. Minutes a device.
+    /// 001-table-3), or rows of them (000-table-1/50/nothing). Prints Markdown. Minutes a device.
     #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
     papers: Option<String>,
     /// Measure how time grows with voxels, cells, directions, lights, Gaussians, lights of a basis, pixels and threads

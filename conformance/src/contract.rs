@@ -219,6 +219,12 @@ fn published(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let buf = bench.buf(&data)?;
     let field = bench.scalars(SPEC.dims, &vec![9.0; VOXELS])?;
     bench.device.publish(buf.id, field.id)?;
+    // Where the host sees a buffer in place, it sees what it reads; a field it does not see.
+    let seen = bench.device.view(buf.id).map(|bytes| bytes.to_vec());
+    if let Some(seen) = seen {
+        record.same("seen in place", bytemuck::cast_slice(&seen), &data);
+    }
+    check!(bench.device.view(field.id).is_none(), "a field is seen as a buffer");
     record.same("published", &copy_of(&mut bench, field)?, &data);
     // What is written to the buffer afterwards does not reach the field.
     bench.device.write(buf.id, 0, bytemuck::cast_slice(&vec![1.0f32; VOXELS]))?;

@@ -110,20 +110,25 @@ fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; 
     let size = [p.full_width as usize, p.full_height as usize];
     let at = |a: usize, n: usize| (corner[a] + n).min(size[a] - 1);
     let whole = Patch::new(p, p.scale, inputs.medium, corner);
+    let level = (inputs.surface.is_empty() && inputs.rims.is_empty()).then(|| whole.level());
     let rims = (!inputs.rims.is_empty()).then(|| Patch::new(p, p.scale / 2, inputs.rims, corner));
     for (part, out) in out.chunks_exact_mut(LANES).enumerate() {
         let x: [usize; LANES] = lanes!(i => at(0, i % BLOCK));
         let y: [usize; LANES] = lanes!(i => at(1, part * ROWS + i / BLOCK));
         let behind = behind::<S>(inputs, x, y);
         for i in 0..LANES {
-            let distance = seen(inputs, x[i], y[i], 0)[3].min(FAR);
             let (place, full) = ([i % BLOCK, part * ROWS + i / BLOCK], [x[i] as u32, y[i] as u32]);
             let mut found = Medium::default();
-            if let Some(rims) = &rims {
-                found = rims.around(inputs, place, full, distance);
-            }
-            if found.marched < 1.0 {
-                found = mixed(found, whole.around(inputs, place, full, distance));
+            if let Some(level) = &level {
+                found = whole.between(level, place);
+            } else {
+                let distance = seen(inputs, x[i], y[i], 0)[3].min(FAR);
+                if let Some(rims) = &rims {
+                    found = rims.around(inputs, place, full, distance);
+                }
+                if found.marched < 1.0 {
+                    found = mixed(found, whole.around(inputs, place, full, distance));
+                }
             }
             let [r, g, b, tr, tg, tb, stopped, stopped_at] = found.sums;
             let through = [tr / found.weight, tg / found.weight, tb / found.weight];
@@ -196,6 +201,30 @@ impl<'a> Patch<'a> {
         Self { small, sides, sums, distances }
     }
 
+    /// What is summed, at the columns of the block and the rows of the small film. Where there is no surface all pixels fit, and
+    /// weights are those along x times those along y.
+    #[inline(always)]
+    fn level(&self) -> [[Sums; BLOCK]; BLOCK + 2] {
+        let side = &self.sides[0];
+        let mut level = [[[0.0; 8]; BLOCK]; BLOCK + 2];
+        for (line, sums) in level.iter_mut().zip(&self.sums).take(self.sides[1].span().1) {
+            for n in 0..BLOCK {
+                let ([a, b], first) = (side.pairs[n], side.pairs[0][0]);
+                line[n] = lerp(&sums[(a - first) as usize], &sums[(b - first) as usize], side.parts[n]);
+            }
+        }
+        level
+    }
+
+    /// The medium in a pixel of the block, between the rows of a level.
+    #[inline(always)]
+    fn between(&self, level: &[[Sums; BLOCK]; BLOCK + 2], [x, y]: [usize; 2]) -> Medium {
+        let side = &self.sides[1];
+        let ([a, b], first) = (side.pairs[y], side.pairs[0][0]);
+        let sums = lerp(&level[(a - first) as usize][x], &level[(b - first) as usize][x], side.parts[y]);
+        Medium { sums, weight: 1.0, marched: 1.0 }
+    }
+
     /// The medium in a pixel of the block, which is `full` of the picture and whose surface is so far away; nothing where
     /// none of the nearest pixels was marched.
     #[inline(always)]
@@ -212,11 +241,7 @@ impl<'a> Patch<'a> {
                 continue;
             }
             sum.marched += share;
-            let fits = if inputs.surface.is_empty() {
-                1.0
-            } else {
-                fit(distance, other) * alike(inputs, full, self.small, [sx, sy])
-            };
+            let fits = fit(distance, other) * alike(inputs, full, self.small, [sx, sy]);
             sum.add(&self.sums[j][i], share * fits);
         }
         if sum.marched == 0.0 || sum.weight >= Upsample::FIT {
@@ -224,6 +249,16 @@ impl<'a> Patch<'a> {
         }
         Medium { marched: sum.marched, ..nearest(self.small, [x0, y0], distance) }
     }
+}
+
+/// Sums a part `f` of the way from some to others.
+#[inline(always)]
+fn lerp(a: &Sums, b: &Sums, f: f32) -> Sums {
+    let mut out = [0.0; 8];
+    for c in 0..8 {
+        out[c] = (1.0 - f) * a[c] + f * b[c];
+    }
+    out
 }
 
 /// Of the sixteen pixels around, the one whose surface is nearest to that of a pixel.

@@ -13,9 +13,27 @@ use crate::failure::Failure;
 use crate::progress::Meter;
 use crate::{devices, output};
 
-/// The tables whose name begins with `prefix`.
-pub(super) fn tables(prefix: &str) -> Result<Vec<Table>, Failure> {
-    chosen(papers::tables(), |table| table.name, prefix, ["--papers", "table"])
+/// The tables whose name begins with `wanted`; of them, where slashes follow, the rows whose first columns say what stands
+/// between them.
+pub(super) fn tables(wanted: &str) -> Result<Vec<Table>, Failure> {
+    let mut parts = wanted.split('/');
+    let prefix = parts.next().unwrap_or_default();
+    let mut tables = chosen(papers::tables(), |table| table.name, prefix, ["--papers", "table"])?;
+    let columns: Vec<_> = parts.collect();
+    if columns.is_empty() {
+        return Ok(tables);
+    }
+    let shown = |row: &papers::Row| row.at.join("/");
+    let all: Vec<_> = tables.iter().flat_map(|table| table.rows.iter().map(shown)).collect();
+    for table in &mut tables {
+        table.rows.retain(|row| row.at.len() >= columns.len() && row.at.iter().zip(&columns).all(|(a, b)| a == b));
+    }
+    tables.retain(|table| !table.rows.is_empty());
+    if tables.is_empty() {
+        let all = all.join(", ");
+        return Err(Failure::input(format!("--papers {wanted}: no such row; of {prefix} there are {all}")));
+    }
+    Ok(tables)
 }
 
 /// A table and what each device made of it.

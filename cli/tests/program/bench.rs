@@ -140,6 +140,7 @@ fn what_cannot_be_measured_is_refused() {
     bench.refused(["bench", "--device", ""], 2, &["no device \"\""]);
     bench.refused(["bench", "--device", "cpu:99"], 2, &["cpu:99"]);
     bench.refused(["bench", "--papers", "002"], 2, &["no such table", "001-table-2"]);
+    bench.refused(["bench", "--papers", "001-table-2/4"], 2, &["no such row", "20/1/"]);
     bench.refused(["bench", "--curves", "time"], 2, &["no such curve", "basis-lights"]);
     bench.refused(["bench", "--curves", "cells", "--papers", "001"], 2, &["--papers", "cannot be used with"]);
     bench.refused(["bench", "--time-limit", "3"], 2, &["--papers"]);

@@ -26,8 +26,8 @@ pub(crate) fn cases() -> Vec<Case> {
     ];
     let made = |set: Set| {
         let (name, map) = (set.name.clone(), format!("{:?}", set.map).to_lowercase());
-        let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
         let tolerance = if set.phong[3] > 0.0 { &tolerance::LOCAL } else { &tolerance::STAGE };
+        let run = move |subject: &Subject, record: &mut Record| one(subject, record, &set);
         case("march", &name, "film", tolerance, run).varies(&occupancies()).at("map", map)
     };
     sets.into_iter().flatten().map(made).collect()

@@ -69,6 +69,13 @@ pub trait Device: Any + Send {
     /// No such resource; bytes past its end; parts of words; a fault of the work so far; a field (stages write buffers).
     fn read(&mut self, id: ResourceId, offset: u64, out: &mut [u8]) -> Result<(), DeviceError>;
 
+    /// What [`Device::read`] would give of a whole buffer, where it lies in memory that the host sees and all work is done: then
+    /// large results need no copy. None by default.
+    fn view(&self, id: ResourceId) -> Option<&[u8]> {
+        let _ = id;
+        None
+    }
+
     /// Makes a field of what stages wrote into a buffer: layer fastest, then x, y and z, as 32-bit floats.
     ///
     /// # Errors

@@ -214,6 +214,11 @@ impl Executor {
         })
     }
 
+    /// What a buffer holds, where the host sees it in place ([`Device::view`]).
+    pub(super) fn view<T: bytemuck::Pod>(&self, buf: Buf<T>) -> Option<&[T]> {
+        bytemuck::try_cast_slice(self.device.view(buf.id)?).ok()?.get(..buf.len as usize)
+    }
+
     fn reading(&self, error: DeviceError) -> ExecError {
         ExecError::Device { device: self.device.info().name.clone(), stage: "reading back".into(), error }
     }
@@ -224,18 +229,20 @@ impl Executor {
     /// A device fault.
     pub fn read<T: bytemuck::Pod>(&mut self, buf: Buf<T>) -> Result<Vec<T>, ExecError> {
         let mut out = Vec::new();
-        self.room(&mut out, buf.len)?;
-        out.resize(buf.len as usize, T::zeroed());
+        self.fit(&mut out, buf.len)?;
         self.read_into(buf, 0, &mut out)?;
         Ok(out)
     }
 
-    /// Empties a vector and sees that it has room on the host for `len` elements that will be read back.
-    pub(super) fn room<T>(&self, out: &mut Vec<T>, len: u64) -> Result<(), ExecError> {
-        out.clear();
+    /// Makes a vector on the host as long as what will be read back into it.
+    pub(super) fn fit<T: bytemuck::Pod>(&self, out: &mut Vec<T>, len: u64) -> Result<(), ExecError> {
         let requested = len.saturating_mul(size_of::<T>() as u64);
-        let reserved = usize::try_from(len).is_ok_and(|len| out.try_reserve_exact(len).is_ok());
-        if reserved { Ok(()) } else { Err(self.reading(DeviceError::OutOfMemory { requested, available: None })) }
+        let more = usize::try_from(len).map(|len| len.saturating_sub(out.len()));
+        if !more.is_ok_and(|more| out.try_reserve_exact(more).is_ok()) {
+            return Err(self.reading(DeviceError::OutOfMemory { requested, available: None }));
+        }
+        out.resize(len as usize, T::zeroed());
+        Ok(())
     }
 }
 

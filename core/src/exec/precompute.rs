@@ -186,8 +186,7 @@ impl Renderer {
         let mut channels = Vec::new();
         for _ in 0..survey.channels {
             let mut values: Vec<f32> = Vec::new();
-            self.executor.room(&mut values, survey.rows.len() as u64 * width as u64)?;
-            values.resize(survey.rows.len() * width, 0.0);
+            self.executor.fit(&mut values, survey.rows.len() as u64 * width as u64)?;
             channels.push(Matrices { width, values });
         }
         let harmonics = SphericalHarmonics::new(survey.bands).map_err(TransferError::from)?;

@@ -1,8 +1,8 @@
 //! From a scene to its film, on one device.
 
 use glam::DVec3;
-use rayon::iter::{IndexedParallelIterator, ParallelExtend, ParallelIterator};
-use rayon::slice::ParallelSlice;
+use rayon::iter::{IndexedParallelIterator, ParallelIterator};
+use rayon::slice::{ParallelSlice, ParallelSliceMut};
 
 use super::apart::{Medium, plan_accumulate, plan_rims, plan_upsample};
 use super::classify::{Fields, plan_classified};
@@ -181,27 +181,25 @@ impl Renderer {
     /// # Errors
     /// A device fault.
     pub fn read(&mut self, left: &OnDevice) -> Result<Film, RenderError> {
-        // A few rows at a time: a second copy of a large picture may be more than there is room for.
         let &OnDevice { film: from, width, height, .. } = left;
         let pixels = u64::from(width) * u64::from(height);
-        let Film { mut beauty, mut transmittance, mut depth, .. } = std::mem::take(&mut self.spare);
-        self.executor.room(&mut beauty, pixels)?;
-        self.executor.room(&mut transmittance, pixels)?;
-        self.executor.room(&mut depth, pixels)?;
-        let mut part = vec![[0.0; 4]; 2 * READ.min(pixels) as usize];
-        let mut at = 0;
-        while at < pixels {
-            let count = READ.min(pixels - at);
-            let part = &mut part[..2 * count as usize];
-            self.executor.read_into(from, 2 * at, part)?;
-            // Three rows of memory, which all cores fill.
-            let pixels = part.par_chunks_exact(2).with_min_len(1 << 12);
-            beauty.par_extend(pixels.clone().map(|pixel| pixel[0]));
-            transmittance.par_extend(pixels.clone().map(|pixel| [pixel[1][0], pixel[1][1], pixel[1][2]]));
-            depth.par_extend(pixels.map(|pixel| pixel[1][3]));
-            at += count;
+        let mut film = std::mem::take(&mut self.spare);
+        (film.width, film.height) = (width, height);
+        self.executor.fit(&mut film.beauty, pixels)?;
+        self.executor.fit(&mut film.transmittance, pixels)?;
+        self.executor.fit(&mut film.depth, pixels)?;
+        if let Some(all) = self.executor.view(from) {
+            fill(&mut film, 0, all);
+            return Ok(film);
         }
-        Ok(Film { width, height, beauty, transmittance, depth })
+        // Some rows at a time: a second copy of a large picture may be more than there is room for.
+        let mut part = vec![[0.0; 4]; 2 * READ.min(pixels) as usize];
+        for at in (0..pixels).step_by(READ as usize) {
+            let part = &mut part[..2 * READ.min(pixels - at) as usize];
+            self.executor.read_into(from, 2 * at, part)?;
+            fill(&mut film, at as usize, part);
+        }
+        Ok(film)
     }
 
     /// Takes a film back that is not needed any more. The next picture is read into its memory: from frame to frame, nothing
@@ -209,6 +207,22 @@ impl Renderer {
     pub fn recycle(&mut self, film: Film) {
         self.spare = film;
     }
+}
+
+/// Fills the pixels of a film from `at` on with what a device made of them, two vectors a pixel, on all cores.
+fn fill(film: &mut Film, at: usize, from: &[[f32; 4]]) {
+    /// Pixels that a thread takes at a time.
+    const TASK: usize = 1 << 13;
+    let count = from.len() / 2;
+    let rows =
+        film.beauty[at..][..count].par_chunks_mut(TASK).zip(film.transmittance[at..][..count].par_chunks_mut(TASK));
+    let rows = rows.zip(film.depth[at..][..count].par_chunks_mut(TASK)).zip(from.par_chunks(2 * TASK));
+    rows.for_each(|(((beauty, transmittance), depth), from)| {
+        for (n, pixel) in from.chunks_exact(2).enumerate() {
+            let [r, g, b, distance] = pixel[1];
+            (beauty[n], transmittance[n], depth[n]) = (pixel[0], [r, g, b], distance);
+        }
+    });
 }
 
 /// Plans everything from the medium's upload to the film. `sky` is the environment as it is seen.

@@ -117,3 +117,28 @@ fn grids_beside_the_density_are_told_at_their_key() {
         "{error}"
     );
 }
+
+#[test]
+fn coarser_copies_are_of_all_grids_and_stay_in_place() {
+    let keys = format!("albedo_grid = \"share\"\nabsorption_grid = \"flames\"\n{BOX}");
+    let (whole, coarse) = (medium(&keys), medium(&format!("coarse = 2\n{keys}")));
+    let lattices = [&whole, &coarse].map(|loaded| loaded.scene.medium.lattice());
+    assert!((lattices[1].edges() / lattices[0].edges() - 2.0).abs().max_element() < 1e-12);
+    // The box grows to whole voxels, whose corners are corners of voxels of the file.
+    let [(min, max), (low, high)] = lattices.map(|lattice| lattice.world_bounds());
+    assert!((low - min).max_element() < 1e-12 && (max - high).max_element() < 1e-12, "{low} {high}");
+    let apart = (min - low) / lattices[0].edges();
+    assert!((apart - apart.round()).abs().max_element() < 1e-9 && apart.max_element() < 2.0, "{apart}");
+    let dims = lattices[1].dims();
+    let mut density = vec![0.0; (dims.x * dims.y) as usize];
+    coarse.scene.medium.density_slice(0, &mut density);
+    assert!(density.iter().all(|rho| *rho == 2.5), "{density:?}");
+    let mut scattering = vec![9.0; 4 * density.len()];
+    coarse.scene.medium.optics_fields().scattering.unwrap().slice(0, &mut scattering);
+    assert_eq!(scattering[..4], [0.25, 0.25, 0.25, 0.0]);
+
+    let told = |keys: &str| grid(&format!("file = \"cloud.vdb\"\n{keys}")).unwrap_err();
+    assert_eq!(told("coarse = 3"), "scenes/a.toml:7:10: medium.coarse = 3; it must be 1, 2, 4 or 8");
+    let values = "transfer_function = [{ value = 0, density = 1 }]\ncoarse = 9";
+    assert!(told(values).contains("medium.coarse = 9; it must be"), "{}", told(values));
+}
