@@ -90,8 +90,8 @@ pub struct Renderer {
 /// Voxels along each side of a cell of the march's occupancy.
 const OCCUPANCY: u32 = 8;
 
-/// Pixels that are read back or written at a time: 2 MiB of a film.
-pub(super) const READ: u64 = 1 << 16;
+/// Pixels that are read back or written at a time: 8 MiB of a film.
+pub(super) const READ: u64 = 1 << 18;
 
 /// Texels along a row, and rows of a slice, of the field that holds the environment. Every device holds fields of that
 /// side, and at most a mebibyte is left empty.
