@@ -7,10 +7,11 @@ use airlight_core::stage::{Coarsen, CoarsenParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
-use super::reduce::{row_sum, share};
+use super::reduce::{row_parts, share};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
+use crate::packet::F;
 use crate::simd::Simd;
 
 /// Cells that one task takes at the least.
@@ -59,6 +60,19 @@ pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>, i
     Ok(())
 }
 
+/// The sum over the voxels of a box, each weighed by the part of it that lies between two places.
+#[inline(always)]
+fn sum<S: Simd>(field: Scalars<'_>, [begin, end]: [[f32; 3]; 2], [lo, hi]: [[u32; 3]; 2]) -> f32 {
+    let mut sums = F::<S>::ZERO;
+    for k in lo[2]..=hi[2] {
+        for j in lo[1]..=hi[1] {
+            let weight = share(begin[1], end[1], j) * share(begin[2], end[2], k);
+            sums = sums + row_parts::<S>(field, [begin[0], end[0]], [lo[0], hi[0]], [j, k]) * weight;
+        }
+    }
+    sums.total()
+}
+
 /// Extinction, albedo and emission of a cell.
 #[inline(always)]
 fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
@@ -72,19 +86,13 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
     let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
     // Where colors do not vary, rows of scalars are summed at once.
     let plain = inputs.scattering.is_empty() && inputs.emission_color.is_empty();
-    for k in lo[2]..=hi[2] {
+    if plain {
+        let sum = |field| sum::<S>(field, [begin, end], [lo, hi]);
+        density = sum(inputs.density);
+        (scatters, shines) = ([density; 3], [inputs.emission.map_or(density, sum); 3]);
+    }
+    for k in (lo[2]..=hi[2]).filter(|_| !plain) {
         for j in lo[1]..=hi[1] {
-            if plain {
-                let own = row_sum::<S>(inputs.density, [begin, end], [lo[0], hi[0]], [j, k]);
-                let glow = match inputs.emission {
-                    Some(emission) => row_sum::<S>(emission, [begin, end], [lo[0], hi[0]], [j, k]),
-                    None => own,
-                };
-                density += own;
-                scatters = [0, 1, 2].map(|c| scatters[c] + own);
-                shines = [0, 1, 2].map(|c| shines[c] + glow);
-                continue;
-            }
             let mut i = lo[0];
             while i <= hi[0] {
                 // What holds zero alone adds nothing; only what shines by itself may be where there is no density.

@@ -67,22 +67,22 @@ fn shares<S: Simd>(begin: f32, end: f32, i: u32) -> F<S> {
     ((i + 1.0).min(F::splat(end)) - i.max(F::splat(begin))).max(F::ZERO)
 }
 
-/// The sum over a row of voxels, from one to another along x, each weighed by the part of it that lies in the box between
-/// two places.
+/// Parts of the sum over a row of voxels, from one to another along x, each weighed by the part of it that lies between two
+/// places there.
 #[inline(always)]
-pub(crate) fn row_sum<S: Simd>(
+pub(crate) fn row_parts<S: Simd>(
     field: Scalars<'_>,
-    [begin, end]: [[f32; 3]; 2],
+    [begin, end]: [f32; 2],
     [first, last]: [u32; 2],
     [j, k]: [u32; 2],
-) -> f32 {
+) -> F<S> {
     let (mut sums, mut i) = (F::<S>::ZERO, first);
     while i <= last {
         let run = field.run::<S>([i, j, k], last);
-        sums = sums + run.texels * shares(begin[0], end[0], i);
+        sums = sums + run.texels * shares(begin, end, i);
         i += run.count;
     }
-    sums.total() * share(begin[1], end[1], j) * share(begin[2], end[2], k)
+    sums
 }
 
 /// The mean of the voxels, each weighed by the part of it that lies in the cell: the sum so far with the rows of this
@@ -101,7 +101,8 @@ fn mean<S: Simd>(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f
     for row in p.row_begin..p.row_end.min(rows) {
         let (j, k) = (lo[1] + row % across, lo[2] + row / across);
         // Row by row, so that passes of some rows each add up to the same.
-        sum += row_sum::<S>(field, [begin, end], [lo[0], hi[0]], [j, k]);
+        let weight = share(begin[1], end[1], j) * share(begin[2], end[2], k);
+        sum += row_parts::<S>(field, [begin[0], end[0]], [lo[0], hi[0]], [j, k]).total() * weight;
     }
     if p.row_end < Reduce::ALL_ROWS {
         return sum;
