@@ -22,6 +22,7 @@ const MEMORY: &str =
     "finds the stage's memory and spreads the range over cores; generated, or done by the driver, elsewhere";
 const CHECKED: &str = "checks a slice once, so that lookups need not";
 const LANES: &str = "carries between memory and the lanes of packets";
+const ALONE: &str = "lanes walk together, and whatever else happens to them happens to one alone";
 const PLANE: &str =
     "a direction keeps its last two planes in the cache, with a border, so that packets load without asking";
 const BLOCKS: &str = "a block of pixels reads those of the small film once";
@@ -37,6 +38,8 @@ const CPU: Backend = Backend {
         ("project", "run", MEMORY),
         ("propagate", "run", MEMORY),
         ("relight", "run", MEMORY),
+        ("relight", "lay", LANES),
+        ("relight", "strided", LANES),
         ("march", "run", MEMORY),
         ("trace", "run", MEMORY),
         ("trace", "dot", "built in elsewhere"),
@@ -57,6 +60,9 @@ const CPU: Backend = Backend {
         ("upsample", "nearest", "what is rare stays out of the way of what is not"),
         ("upsample", "sums_of", BLOCKS),
         ("accumulate", "run", MEMORY),
+        ("accumulate", "only", LANES),
+        ("accumulate", "row", MEMORY),
+        ("accumulate", "value", LANES),
         ("classify", "run", MEMORY),
         ("classify", "number", LANES),
         ("classify", "mixed", LANES),
@@ -78,7 +84,22 @@ const CPU: Backend = Backend {
         ("reconstruct", "run", MEMORY),
         ("reconstruct", "row", MEMORY),
         ("reconstruct", "four", LANES),
+        ("path", "turns", ALONE),
+        ("path", "walks", ALONE),
+        ("path", "open", LANES),
+        ("path", "close", LANES),
+        ("path", "happen", ALONE),
         ("path", "splat", LANES),
+        ("random", "idle", LANES),
+        ("random", "get", LANES),
+        ("random", "set", LANES),
+        ("walk", "new", CHECKED),
+        ("walk", "idle", LANES),
+        ("walk", "get", LANES),
+        ("walk", "set", LANES),
+        ("photons", "default", ALONE),
+        ("photons", "push", ALONE),
+        ("photons", "land_all", ALONE),
         ("photons", "run", MEMORY),
         ("photons", "shared", "elsewhere a type, or a function, says that integers are added to atomically"),
         ("march", "block", LANES),
@@ -104,7 +125,7 @@ const CPU: Backend = Backend {
         ("field", "texel", "generated elsewhere"),
         ("field", "uniform", "generated elsewhere"),
         ("field", "empty", "generated elsewhere"),
-        ("field", "single", "a path is alone, and a packet of it would look up sixteen points"),
+        ("field", "single", "what a path meets, it meets alone, and a packet of it would look up sixteen points"),
         ("field", "place", "the place of a lookup serves all layers"),
         ("field", "layer", "the place of a lookup serves all layers"),
         ("field", "mix", "colors are no packets; elsewhere an operator"),
@@ -136,6 +157,8 @@ const CPU: Backend = Backend {
         ("reconstruct", "harmonics_value", SLICE),
         ("path", "phase_value", SLICE),
         ("path", "phase_size", SLICE),
+        ("path", "resume", "a path on its way has a file of its own"),
+        ("path", "keep", "a path on its way has a file of its own"),
         ("photons", "phase_value", SLICE),
         ("photons", "phase_size", SLICE),
         ("photons", "harmonics_value", SLICE),

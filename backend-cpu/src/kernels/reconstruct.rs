@@ -83,8 +83,12 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
                 continue;
             }
             let place = place.min(p.rows) as usize - 1;
-            let red = row(inputs, 0, place);
-            let others = if p.channels == 3 { Some([row(inputs, 1, place), row(inputs, 2, place)]) } else { None };
+            let red = row(inputs, moments, 0, place);
+            let others = if p.channels == 3 {
+                Some([row(inputs, moments, 1, place), row(inputs, moments, 2, place)])
+            } else {
+                None
+            };
             let mut sum = F::<S>::ZERO;
             for (n, &beta) in inputs.beta.iter().enumerate() {
                 let j = n * FOUR;
@@ -94,8 +98,10 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
                     sum = sum + light * F::of(lanes!(l => basis[(j + l / WIDTH).min(harmonics::MAX - 1)].0[i]));
                 } else {
                     let to = &mut out[j * WIDTH..];
-                    let count = to.len().min(LANES);
-                    to[..count].copy_from_slice(&light.0[..count]);
+                    match to.first_chunk_mut::<LANES>() {
+                        Some(all) => *all = light.0,
+                        None => to[..WIDTH].copy_from_slice(&light.0[..WIDTH]),
+                    }
                 }
             }
             if p.view == 1 {
@@ -109,12 +115,12 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
 
 /// Where a row's values lie in a channel.
 #[inline(always)]
-fn row<'a>(inputs: &Inputs<'a>, channel: usize, row: usize) -> Row<'a> {
+fn row<'a>(inputs: &Inputs<'a>, moments: usize, channel: usize, row: usize) -> Row<'a> {
     let p = inputs.p;
     let components = p.components as usize;
     let place = channel * p.rows as usize + row;
     let cluster = inputs.clusters[place].min(p.clusters - 1) as usize;
-    let values = (1 + components) * p.coefficients() as usize * WIDTH;
+    let values = (1 + components) * moments * WIDTH;
     Row {
         radiance: &inputs.radiance[(channel * p.clusters as usize + cluster) * values..][..values],
         weights: &inputs.weights[place * components..][..components],
