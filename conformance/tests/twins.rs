@@ -83,6 +83,7 @@ const CPU: Backend = Backend {
         ("evaluate", "total", LANES),
         ("reconstruct", "run", MEMORY),
         ("reconstruct", "row", MEMORY),
+        ("reconstruct", "summed", LANES),
         ("reconstruct", "four", LANES),
         ("path", "turns", ALONE),
         ("path", "walks", ALONE),
