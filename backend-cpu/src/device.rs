@@ -199,10 +199,10 @@ impl Device for CpuDevice {
             Stage::Illuminate(stage) => kernels::illuminate::run(stage, part, &mut memory, isa),
             Stage::Sweep(stage) => kernels::sweep::run(stage, part, &mut memory, isa),
             Stage::Obstruct(stage) => kernels::obstruct::run(stage, part, &mut memory, isa),
-            Stage::Path(stage) => kernels::path::run(stage, part, &mut memory),
+            Stage::Path(stage) => kernels::path::run(stage, part, &mut memory, isa),
             Stage::Evaluate(stage) => kernels::evaluate::run(stage, part, &mut memory, isa),
             Stage::Reconstruct(stage) => kernels::reconstruct::run(stage, part, &mut memory, isa),
-            Stage::Photons(stage) => kernels::photons::run(stage, part, &mut memory),
+            Stage::Photons(stage) => kernels::photons::run(stage, part, &mut memory, isa),
             Stage::Classify(stage) => kernels::classify::run(stage, part, &mut memory, isa),
         };
         for (id, resource) in memory.taken {

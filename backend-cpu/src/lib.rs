@@ -13,6 +13,7 @@ mod inputs;
 mod isa;
 mod kernels;
 mod packet;
+mod paths;
 mod simd;
 
 pub use bare::{BareRay, bare_lookups};

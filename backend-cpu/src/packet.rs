@@ -206,6 +206,12 @@ impl<S: Simd> F<S> {
         I::of(unsafe { S::to_int(self.0) })
     }
 
+    /// The bits of the lanes.
+    #[inline(always)]
+    pub(crate) fn bits(self) -> I<S> {
+        I::of(lanes!(i => self.0[i].to_bits() as i32))
+    }
+
     /// e^x for x ≤ 0, to two units in the last place; e^-87 and below is about 1e-38.
     #[inline(always)]
     pub(crate) fn exp_negative(self) -> Self {
@@ -252,6 +258,12 @@ impl<S: Simd> I<S> {
         F::of(S::to_float(self.0))
     }
 
+    /// The floats whose bits the lanes are.
+    #[inline(always)]
+    pub(crate) fn as_bits(self) -> F<S> {
+        F::of(lanes!(i => f32::from_bits(self.0[i] as u32)))
+    }
+
     #[inline(always)]
     pub(crate) fn plus(self, other: Self) -> Self {
         Self::of(S::plus(self.0, other.0))
@@ -260,6 +272,17 @@ impl<S: Simd> I<S> {
     #[inline(always)]
     pub(crate) fn times(self, other: i32) -> Self {
         Self::of(S::times(self.0, [other; LANES]))
+    }
+
+    #[inline(always)]
+    pub(crate) fn xor(self, other: Self) -> Self {
+        Self::of(S::xor(self.0, other.0))
+    }
+
+    /// The bits of each lane `N` places lower, with zeros above.
+    #[inline(always)]
+    pub(crate) fn lower<const N: u32>(self) -> Self {
+        Self::of(S::lower::<N>(self.0))
     }
 
     /// Where the lanes are less than `value`.
@@ -278,6 +301,8 @@ impl<S: Simd> I<S> {
 impl<S: Simd> M<S> {
     /// Every lane.
     pub(crate) const ALL: Self = Self([u32::MAX; LANES], PhantomData);
+    /// No lane.
+    pub(crate) const NONE: Self = Self([0; LANES], PhantomData);
 
     /// A packet of these lanes, each all bits or none.
     #[inline(always)]
@@ -288,6 +313,12 @@ impl<S: Simd> M<S> {
     #[inline(always)]
     pub(crate) fn select(self, yes: F<S>, no: F<S>) -> F<S> {
         F::of(S::select(self.0, yes.0, no.0))
+    }
+
+    /// `yes` where true, and `no` elsewhere.
+    #[inline(always)]
+    pub(crate) fn either(self, yes: I<S>, no: I<S>) -> I<S> {
+        I::of(S::choose(self.0, yes.0, no.0))
     }
 
     /// `value` where true, and zero elsewhere.
@@ -325,6 +356,11 @@ impl<S: Simd> M<S> {
     #[inline(always)]
     pub(crate) fn lane(self, i: usize) -> bool {
         self.0[i] != 0
+    }
+
+    #[inline(always)]
+    pub(crate) fn set(&mut self, i: usize, value: bool) {
+        self.0[i] = if value { u32::MAX } else { 0 };
     }
 }
 

@@ -7,7 +7,9 @@ use airlight_core::exec::Renderer;
 use airlight_core::glam::{DAffine3, DVec3, UVec3, Vec3};
 use airlight_core::light::{Environment, Image, Light};
 use airlight_core::media::{Grid, GridMedium, Optics, Phase};
-use airlight_core::scene::{Camera, Content, EnvironmentEstimate, Estimate, Quality, Records, Scene, Solver};
+use airlight_core::scene::{
+    AllEstimate, Camera, Content, EnvironmentEstimate, Estimate, Path, Quality, Records, Scene, Solver,
+};
 use airlight_cpu::{CpuDevice, Isa};
 
 /// Every stage and every branch of the kernels that computes: records of several layers with emission, three kinds
@@ -63,23 +65,46 @@ fn scene(content: Content, phase: Phase) -> Scene {
     }
 }
 
+/// The bits of the last of a sequence of pictures by each instruction set are those of the baseline's.
+fn same_bits(what: &str, scenes: &[Scene]) {
+    let film = |isa: Isa| {
+        let device = CpuDevice::with_isa(isa).expect("an instruction set of this machine");
+        assert!(device.info().features.iter().any(|f| f == isa.name()));
+        let mut renderer = Renderer::new(Box::new(device));
+        let film = scenes.iter().map(|scene| renderer.render(scene).unwrap().film).last().expect("a picture");
+        let values = film.beauty.into_iter().flatten().chain(film.transmittance.into_iter().flatten());
+        values.chain(film.depth).map(f32::to_bits).collect::<Vec<_>>()
+    };
+    let baseline = film(Isa::Baseline);
+    for isa in Isa::available() {
+        assert!(film(isa) == baseline, "{} differs from baseline for {what}", isa.name());
+    }
+}
+
 #[test]
 fn every_instruction_set_gives_the_same_bits() {
     let hg = Phase::DoubleHenyeyGreenstein { forward: 0.7, backward: -0.3, weight: 0.8 };
     for (content, phase) in
         [(Content::Radiance, hg.clone()), (Content::Phase, hg), (Content::Transmittance, Phase::Isotropic)]
     {
-        let scene = scene(content, phase);
-        let film = |isa: Isa| {
-            let device = CpuDevice::with_isa(isa).expect("an instruction set of this machine");
-            assert!(device.info().features.iter().any(|f| f == isa.name()));
-            let film = Renderer::new(Box::new(device)).render(&scene).unwrap().film;
-            let values = film.beauty.into_iter().flatten().chain(film.transmittance.into_iter().flatten());
-            values.chain(film.depth).map(f32::to_bits).collect::<Vec<_>>()
-        };
-        let baseline = film(Isa::Baseline);
-        for isa in Isa::available() {
-            assert!(film(isa) == baseline, "{} differs from baseline for {content:?}", isa.name());
-        }
+        same_bits(&format!("{content:?}"), &[scene(content, phase)]);
     }
+}
+
+#[test]
+fn every_instruction_set_follows_the_same_paths() {
+    let mut scene = scene(Content::Radiance, Phase::HenyeyGreenstein { g: 0.5 });
+    scene.estimate =
+        Estimate { all: Some(AllEstimate::Path(Path { samples: 5, ..Path::default() })), ..Estimate::none() };
+    same_bits("paths", &[scene]);
+}
+
+#[test]
+fn every_instruction_set_accumulates_the_same_sequence() {
+    let mut first = scene(Content::Radiance, Phase::Isotropic);
+    first.quality = Quality { scale: 2, temporal: true, ..Quality::default() };
+    first.camera.samples = 1;
+    let mut second = Scene { frame: 1, ..first.clone() };
+    second.camera.origin += DVec3::new(0.05, -0.02, 0.03);
+    same_bits("a sequence", &[first, second]);
 }

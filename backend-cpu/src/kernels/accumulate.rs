@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::triple;
+use crate::packet::{F, I, LANES, M, dot, lanes, triple};
+use crate::simd::Simd;
 
 const BLOCK: usize = March::BLOCK as usize;
 
@@ -18,207 +19,284 @@ type Pixel = [[f32; 4]; 2];
 /// Three vectors of a pixel of a history.
 type Kept = [[f32; 4]; 3];
 
+/// Floats of each.
+const PIXEL: usize = 8;
+const KEPT: usize = 12;
+
 #[derive(Clone, Copy)]
 struct Inputs<'a> {
     p: &'a AccumulateParams,
-    medium: &'a [Pixel],
-    last: &'a [Kept],
+    medium: &'a [f32],
+    last: &'a [f32],
 }
 
-/// What is kept of a pixel.
+/// What is kept of sixteen pixels.
 #[derive(Clone, Copy)]
-struct Past {
-    radiance: [f32; 3],
+struct Past<S> {
+    radiance: [F<S>; 3],
     /// Pictures that it is the mean of.
-    count: f32,
-    transmittance: [f32; 3],
-    depth: f32,
-    surface: f32,
+    count: F<S>,
+    transmittance: [F<S>; 3],
+    depth: F<S>,
+    surface: F<S>,
 }
 
-/// No history.
-const NONE: Past = Past { radiance: [0.0; 3], count: 0.0, transmittance: [0.0; 3], depth: f32::INFINITY, surface: FAR };
+impl<S: Simd> Past<S> {
+    /// No history.
+    const NONE: Self =
+        Self { radiance: [F::ZERO; 3], count: F::ZERO, transmittance: [F::ZERO; 3], depth: F::ZERO, surface: F::ZERO };
+
+    /// No history in lanes that `have` none.
+    #[inline(always)]
+    fn only(self, have: M<S>) -> Self {
+        Self {
+            radiance: triple!(c => have.select(self.radiance[c], F::ZERO)),
+            count: have.select(self.count, F::ZERO),
+            transmittance: triple!(c => have.select(self.transmittance[c], F::ZERO)),
+            depth: have.select(self.depth, F::splat(f32::INFINITY)),
+            surface: have.select(self.surface, F::splat(FAR)),
+        }
+    }
+}
 
 pub(crate) fn run(stage: &Accumulate, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.next)?;
     memory.take(stage.mean)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
-    let inputs = Inputs {
-        p,
-        medium: bytemuck::cast_slice(read.buf(stage.medium)?),
-        last: bytemuck::cast_slice(read.buf(stage.last)?),
-    };
+    let (width, height) = (p.width as usize, p.height as usize);
+    let (requested, limit) = ((width * height) as u64, i32::MAX as u64 / KEPT as u64);
+    if requested > limit {
+        return Err(DeviceError::Limit { what: "pixels of a history", requested, limit });
+    }
+    let medium = &bytemuck::cast_slice(read.buf(stage.medium)?)[..PIXEL * width * height];
+    let inputs = Inputs { p, medium, last: &bytemuck::cast_slice(read.buf(stage.last)?)[..KEPT * width * height] };
     let mean: &mut [Pixel] = bytemuck::cast_slice_mut(out.remove(1));
     let next: &mut [Kept] = bytemuck::cast_slice_mut(out.remove(0));
-    let (width, height) = (p.width as usize, p.height as usize);
     let across = width.div_ceil(BLOCK);
     let rows = next[..width * height].par_chunks_mut(width).zip(mean[..width * height].par_chunks_mut(width));
     rows.enumerate().for_each(|(y, (next, mean))| {
-        for (x, (next, mean)) in next.iter_mut().zip(mean).enumerate() {
-            if range.contains(&((y / BLOCK * across + x / BLOCK) as u32)) {
-                let (at, next, mean) = ([x as u32, y as u32], &mut *next, &mut *mean);
-                compiled_for!(isa, accumulate(inputs: Inputs<'_>, at: [u32; 2], next: &mut Kept, mean: &mut Pixel));
-            }
-        }
+        // The blocks of the range in this row.
+        let first = y / BLOCK * across;
+        let column = |block: u32| ((block as usize).clamp(first, first + across) - first) * BLOCK;
+        let columns = column(range.start)..column(range.end).min(width);
+        compiled_for!(
+            isa,
+            row<S>(inputs: Inputs<'_>, y: usize, columns: Range<usize>, next: &mut [Kept], mean: &mut [Pixel])
+        );
     });
     Ok(())
 }
 
-/// What a pixel leaves to the next picture, and its mean.
+/// Some columns of a row.
 #[inline(always)]
-fn accumulate(inputs: Inputs<'_>, [x, y]: [u32; 2], next: &mut Kept, mean: &mut Pixel) {
+fn row<S: Simd>(inputs: Inputs<'_>, y: usize, columns: Range<usize>, next: &mut [Kept], mean: &mut [Pixel]) {
+    let mut x = columns.start;
+    while x < columns.end {
+        let end = columns.end.min(x + LANES);
+        accumulate::<S>(inputs, [x, y], &mut next[x..end], &mut mean[x..end]);
+        x = end;
+    }
+}
+
+/// What up to sixteen pixels of a row leave to the next picture, and their mean.
+#[inline(always)]
+fn accumulate<S: Simd>(inputs: Inputs<'_>, [x, y]: [usize; 2], next: &mut [Kept], mean: &mut [Pixel]) {
     let p = inputs.p;
-    let at = (y * p.width + x) as usize;
-    let [[r, g, b, surface], [tr, tg, tb, depth]] = inputs.medium[at];
-    let (light, through) = ([r, g, b], [tr, tg, tb]);
+    let last = mean.len() - 1;
+    let at = I::<S>::of(lanes!(i => (y * p.width as usize + x + i.min(last)) as i32));
+    let column = F::<S>::of(lanes!(i => (x + i.min(last)) as f32));
+    let film = at.times(PIXEL as i32);
+    let light = triple!(c => value(inputs.medium, film, c));
+    let through = triple!(c => value(inputs.medium, film, 4 + c));
+    let (surface, depth) = (value(inputs.medium, film, 3), value(inputs.medium, film, 7));
     let past = if p.mode == accumulate_mode::MOVED {
-        clamped(inputs, followed(inputs, x, y), x, y)
+        clamped(inputs, followed(inputs, column, y, surface, depth), [x, y], last)
     } else {
         recalled(inputs, at)
     };
-    let count = past.count.min(p.most);
-    let mut now = past;
-    if p.mode != accumulate_mode::AGAIN || past.count == 0.0 {
-        let share = 1.0 / (count + 1.0);
-        now.radiance = triple!(c => past.radiance[c] + (light[c] - past.radiance[c]) * share);
-        now.transmittance = triple!(c => past.transmittance[c] + (through[c] - past.transmittance[c]) * share);
-        let before = count * stopped(past.transmittance, past.depth);
-        let added = stopped(through, depth);
-        now.depth = if before > 0.0 && added > 0.0 {
-            past.depth + (depth - past.depth) * (added / (before + added))
-        } else if added > 0.0 {
-            depth
-        } else if before > 0.0 {
-            past.depth
-        } else {
-            f32::INFINITY
-        };
-        now.count = count + 1.0;
-    }
-    if surface < 0.0 {
-        // It was not marched.
-        now = Past { radiance: light, count: 0.0, transmittance: through, depth, surface: FAR };
-    }
-    let ([r, g, b], [tr, tg, tb]) = (now.radiance, now.transmittance);
-    let through = [tr, tg, tb, now.depth];
-    *next = [[r, g, b, now.count], through, [surface, 0.0, 0.0, 0.0]];
-    *mean = [[r, g, b, surface], through];
-}
-
-/// The history of a pixel; none where it is not finite.
-#[inline(always)]
-fn recalled(inputs: Inputs<'_>, at: usize) -> Past {
-    let [[r, g, b, count], [tr, tg, tb, depth], [surface, ..]] = inputs.last[at];
-    if [r, g, b, count, tr, tg, tb].into_iter().all(finite) {
-        Past { radiance: [r, g, b], count, transmittance: [tr, tg, tb], depth, surface }
-    } else {
-        NONE
-    }
-}
-
-/// The history of what a pixel shows, where the last view saw it.
-#[inline(always)]
-fn followed(inputs: Inputs<'_>, x: u32, y: u32) -> Past {
-    let p = inputs.p;
-    let [[.., distance], [.., depth]] = inputs.medium[(y * p.width + x) as usize];
-    let dot = |a: [f32; 3], b: [f32; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let length = |v: [f32; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    let (width, height, scale) = (p.full_width as f32, p.full_height as f32, p.scale as f32);
-    let fx = (x * p.scale + p.scale / 2).min(p.full_width - 1);
-    let fy = (y * p.scale + p.scale / 2).min(p.full_height - 1);
-    let a = (fx as f32 + 0.5) * (2.0 / width) - 1.0;
-    let b = 1.0 - (fy as f32 + 0.5) * (2.0 / height);
-    let toward = triple!(c => a * p.right[c] + b * p.up[c] + p.forward[c]);
-    let direction = triple!(c => toward[c] / length(toward));
-    let seen = |t: f32| triple!(c => p.moved[c] + t * direction[c]);
-    let point = if depth < FAR {
-        seen(depth)
-    } else if distance < FAR {
-        seen(distance)
-    } else {
-        direction
+    let count = past.count.min(F::splat(p.most));
+    let share = F::ONE / (count + 1.0);
+    let before = count * stopped(past.transmittance, past.depth);
+    let added = stopped(through, depth);
+    let (had, adds) = (before.gt(F::ZERO), added.gt(F::ZERO));
+    let both = past.depth + (depth - past.depth) * (added / (before + added));
+    let either = adds.select(depth, had.select(past.depth, F::splat(f32::INFINITY)));
+    let mixed = Past {
+        radiance: triple!(c => past.radiance[c] + (light[c] - past.radiance[c]) * share),
+        count: count + 1.0,
+        transmittance: triple!(c => past.transmittance[c] + (through[c] - past.transmittance[c]) * share),
+        depth: had.and(adds).select(both, either),
+        surface,
     };
-    let ahead = dot(point, p.last_forward);
-    if ahead <= 0.0 {
-        return NONE;
+    let again = if p.mode == accumulate_mode::AGAIN { past.count.gt(F::ZERO) } else { M::NONE };
+    // It was not marched.
+    let bare = surface.lt(F::ZERO);
+    let now = |marched: F<S>, kept: F<S>, own: F<S>| bare.select(own, again.select(kept, marched));
+    let radiance = triple!(c => now(mixed.radiance[c], past.radiance[c], light[c]));
+    let transmittance = triple!(c => now(mixed.transmittance[c], past.transmittance[c], through[c]));
+    let depth = now(mixed.depth, past.depth, depth);
+    let count = now(mixed.count, past.count, F::ZERO);
+    for (i, (next, mean)) in next.iter_mut().zip(mean).enumerate() {
+        let [r, g, b] = triple!(c => radiance[c].0[i]);
+        let [tr, tg, tb] = triple!(c => transmittance[c].0[i]);
+        let through = [tr, tg, tb, depth.0[i]];
+        *next = [[r, g, b, count.0[i]], through, [surface.0[i], 0.0, 0.0, 0.0]];
+        *mean = [[r, g, b, surface.0[i]], through];
     }
-    let px = (dot(point, p.last_right) / ahead + 1.0) * (0.5 * width) - 0.5;
-    let py = (1.0 - dot(point, p.last_up) / ahead) * (0.5 * height) - 0.5;
-    let (u, v) = ((px - (p.scale / 2) as f32) / scale, (py - (p.scale / 2) as f32) / scale);
+}
+
+/// The value `c` places behind each offset.
+#[inline(always)]
+fn value<S: Simd>(values: &[f32], at: I<S>, c: usize) -> F<S> {
+    let at = at.plus(I::splat(c as i32));
+    // SAFETY: offsets are those of pixels of the picture, as many as `run` cut the slices to.
+    #[allow(unsafe_code)]
+    F::of(unsafe { S::one(values, at.0) })
+}
+
+/// The history of pixels; none where it is not finite.
+#[inline(always)]
+fn recalled<S: Simd>(inputs: Inputs<'_>, at: I<S>) -> Past<S> {
+    let at = at.times(KEPT as i32);
+    let radiance = triple!(c => value(inputs.last, at, c));
+    let transmittance = triple!(c => value(inputs.last, at, 4 + c));
+    let count = value(inputs.last, at, 3);
+    let light = finite(radiance[0]).and(finite(radiance[1])).and(finite(radiance[2]));
+    let through = finite(transmittance[0]).and(finite(transmittance[1])).and(finite(transmittance[2]));
+    let (depth, surface) = (value(inputs.last, at, 7), value(inputs.last, at, 8));
+    Past { radiance, count, transmittance, depth, surface }.only(light.and(through).and(finite(count)))
+}
+
+/// The history of what pixels of a row show, where the last view saw it.
+#[inline(always)]
+fn followed<S: Simd>(inputs: Inputs<'_>, x: F<S>, y: usize, distance: F<S>, depth: F<S>) -> Past<S> {
+    let p = inputs.p;
+    let along = |v: [F<S>; 3], axis: [f32; 4]| v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2];
+    let (width, height, scale) = (p.full_width as f32, p.full_height as f32, p.scale as f32);
+    let half = (p.scale / 2) as f32;
+    let fx = (x * scale + half).min(F::splat((p.full_width - 1) as f32));
+    let fy = (y as u32 * p.scale + p.scale / 2).min(p.full_height - 1);
+    let a = (fx + 0.5) * (2.0 / width) - 1.0;
+    let b = 1.0 - (fy as f32 + 0.5) * (2.0 / height);
+    let toward = triple!(c => a * p.right[c] + F::splat(b * p.up[c]) + F::splat(p.forward[c]));
+    let size = dot(toward, toward).sqrt();
+    let direction = triple!(c => toward[c] / size);
+    let (deep, near) = (depth.lt(F::splat(FAR)), distance.lt(F::splat(FAR)));
+    let t = deep.select(depth, distance);
+    let seen = deep.or(near);
+    let point = triple!(c => seen.select(F::splat(p.moved[c]) + t * direction[c], direction[c]));
+    let ahead = along(point, p.last_forward);
+    let px = (along(point, p.last_right) / ahead + 1.0) * (0.5 * width) - 0.5;
+    let py = (F::ONE - along(point, p.last_up) / ahead) * (0.5 * height) - 0.5;
+    let (u, v) = ((px - half) / scale, (py - half) / scale);
     let (right, bottom) = (p.width as f32 - 1.0, p.height as f32 - 1.0);
-    if !((-0.5..=right + 0.5).contains(&u) && (-0.5..=bottom + 0.5).contains(&v)) {
-        return NONE;
+    let across = u.ge(F::splat(-0.5)).and(F::splat(right + 0.5).ge(u));
+    let down = v.ge(F::splat(-0.5)).and(F::splat(bottom + 0.5).ge(v));
+    let within = ahead.gt(F::ZERO).and(across).and(down);
+    if !within.any() {
+        return Past::NONE.only(M::NONE);
     }
-    let surface = if distance < FAR { length(seen(distance)) } else { FAR };
-    let mut sum = Past { depth: 0.0, surface, ..NONE };
-    let (mut weights, mut stops) = (0.0, 0.0);
+    let there = triple!(c => F::splat(p.moved[c]) + distance * direction[c]);
+    let surface = near.select(dot(there, there).sqrt(), F::splat(FAR));
+    let mut sum = Past { surface, ..Past::NONE };
+    let (mut weights, mut stops) = (F::ZERO, F::ZERO);
+    let (left, top) = (u.floor(), v.floor());
     for (across, down) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-        let (column, row) = (u.floor() + across, v.floor() + down);
-        let share = (1.0 - (u - column).abs()) * (1.0 - (v - row).abs());
-        let place = row.clamp(0.0, bottom) as usize * p.width as usize + column.clamp(0.0, right) as usize;
-        let past = recalled(inputs, place);
-        let weight = if past.count > 0.0 { share * fit(past.surface, surface) } else { 0.0 };
+        let (column, row) = (left + across, top + down);
+        let share = (F::ONE - (u - column).abs()) * (F::ONE - (v - row).abs());
+        let row = row.max(F::ZERO).min(F::splat(bottom)).to_int();
+        let column = column.max(F::ZERO).min(F::splat(right)).to_int();
+        let past = recalled(inputs, row.times(p.width as i32).plus(column));
+        let weight = past.count.gt(F::ZERO).select(share * fit(past.surface, surface), F::ZERO);
         sum.radiance = triple!(c => sum.radiance[c] + weight * past.radiance[c]);
         sum.transmittance = triple!(c => sum.transmittance[c] + weight * past.transmittance[c]);
-        sum.count += weight * past.count;
-        weights += weight;
+        sum.count = sum.count + weight * past.count;
+        weights = weights + weight;
         let stop = weight * stopped(past.transmittance, past.depth);
-        if stop > 0.0 {
-            stops += stop;
-            sum.depth += stop * past.depth;
-        }
+        let stands = stop.gt(F::ZERO);
+        stops = stands.select(stops + stop, stops);
+        sum.depth = stands.select(sum.depth + stop * past.depth, sum.depth);
     }
-    if weights < Accumulate::FIT {
-        return NONE;
-    }
-    sum.radiance = triple!(c => sum.radiance[c] / weights);
-    sum.transmittance = triple!(c => sum.transmittance[c] / weights);
-    sum.count /= weights;
-    sum.depth = if stops > 0.0 { sum.depth / stops } else { f32::INFINITY };
-    sum
+    let mean = Past {
+        radiance: triple!(c => sum.radiance[c] / weights),
+        count: sum.count / weights,
+        transmittance: triple!(c => sum.transmittance[c] / weights),
+        depth: stops.gt(F::ZERO).select(sum.depth / stops, F::splat(f32::INFINITY)),
+        surface,
+    };
+    mean.only(within.and(weights.ge(F::splat(Accumulate::FIT))))
 }
 
-/// A history within the range of the pixels around.
+/// A history within the range of the pixels around; `last` counts the pixels behind the first at `x`, `y`.
 #[inline(always)]
-fn clamped(inputs: Inputs<'_>, past: Past, x: u32, y: u32) -> Past {
+fn clamped<S: Simd>(inputs: Inputs<'_>, past: Past<S>, [x, y]: [usize; 2], last: usize) -> Past<S> {
+    /// Columns of a packet, and one beside it at each end.
+    const WINDOW: usize = LANES + 2;
     let p = inputs.p;
-    let (mut least, mut most) = ([[FAR; 3]; 2], [[-FAR; 3]; 2]);
-    for i in 0..9 {
-        let column = ((x + i % 3).max(1) - 1).min(p.width - 1);
-        let row = ((y + i / 3).max(1) - 1).min(p.height - 1);
-        let pixel = inputs.medium[(row * p.width + column) as usize];
-        if pixel[0][3] < 0.0 {
-            continue;
+    let width = p.width as usize;
+    let rows = [y.max(1) - 1, y, (y + 1).min(p.height as usize - 1)];
+    // The range of each column, all values of a pixel side by side, two pixels a packet.
+    let (mut least, mut most) = ([FAR; PIXEL * WINDOW], [-FAR; PIXEL * WINDOW]);
+    let surfaces = M::<S>::of(lanes!(i => if i % PIXEL == 3 { u32::MAX } else { 0 }));
+    let mut i = 0;
+    while i < last + 3 {
+        let columns = [(x + i).max(1) - 1, x + i].map(|column| column.min(width - 1));
+        let (mut low, mut high) = (F::<S>::splat(FAR), F::<S>::splat(-FAR));
+        for row in rows {
+            let [a, b] = columns.map(|column| PIXEL * (row * width + column));
+            let (a, b) = (&inputs.medium[a..][..PIXEL], &inputs.medium[b..][..PIXEL]);
+            let pair = F::<S>::of(lanes!(i => if i < PIXEL { a[i] } else { b[i - PIXEL] }));
+            let (mut below, mut above) = (pair.min(low), pair.max(high));
+            if surfaces.and(pair.lt(F::ZERO)).any() {
+                let bare = M::<S>::of(lanes!(i => if pair.0[i / PIXEL * PIXEL + 3] < 0.0 { u32::MAX } else { 0 }));
+                (below, above) = (bare.select(low, below), bare.select(high, above));
+            }
+            (low, high) = (below, above);
         }
-        for (half, values) in pixel.iter().enumerate() {
-            least[half] = triple!(c => least[half][c].min(values[c]));
-            most[half] = triple!(c => most[half][c].max(values[c]));
-        }
+        least[PIXEL * i..][..LANES].copy_from_slice(&low.0);
+        most[PIXEL * i..][..LANES].copy_from_slice(&high.0);
+        i += 2;
     }
-    let within = |v: [f32; 3], half: usize| triple!(c => v[c].max(least[half][c]).min(most[half][c]));
-    Past { radiance: within(past.radiance, 0), transmittance: within(past.transmittance, 1), ..past }
+    // The range of three columns in place of the first.
+    let (mut ranges, mut i) = ([[0.0; PIXEL * LANES]; 2], 0);
+    while i <= last {
+        let at = |of: &[f32; PIXEL * WINDOW], n: usize| F::<S>::of(lanes!(l => of[PIXEL * (i + n) + l]));
+        let low = at(&least, 0).min(at(&least, 1)).min(at(&least, 2));
+        let high = at(&most, 0).max(at(&most, 1)).max(at(&most, 2));
+        ranges[0][PIXEL * i..][..LANES].copy_from_slice(&low.0);
+        ranges[1][PIXEL * i..][..LANES].copy_from_slice(&high.0);
+        i += 2;
+    }
+    let within = |v: F<S>, c: usize| {
+        let [low, high] = [0, 1].map(|n| F::<S>::of(lanes!(i => ranges[n][PIXEL * i + c])));
+        v.max(low).min(high)
+    };
+    Past {
+        radiance: triple!(c => within(past.radiance[c], c)),
+        transmittance: triple!(c => within(past.transmittance[c], 4 + c)),
+        ..past
+    }
 }
 
-/// Whether a value is neither infinite nor no number.
+/// Whether values are neither infinite nor no numbers.
 #[inline(always)]
-fn finite(v: f32) -> bool {
-    v.is_finite()
+fn finite<S: Simd>(v: F<S>) -> M<S> {
+    v.abs().lt(F::splat(f32::INFINITY))
 }
 
 /// How well surfaces of two distances fit.
 #[inline(always)]
-fn fit(a: f32, b: f32) -> f32 {
+fn fit<S: Simd>(a: F<S>, b: F<S>) -> F<S> {
     // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
-    let nearer = 1.0 - a.min(b).min(1e30) / a.max(b).clamp(1e-30, 1e30);
-    (2.0 - nearer / Accumulate::NEAR).clamp(0.0, 1.0)
+    let far = F::splat(1e30);
+    let nearer = F::ONE - a.min(b).min(far) / a.max(b).max(F::splat(1e-30)).min(far);
+    (F::splat(2.0) - nearer / Accumulate::NEAR).max(F::ZERO).min(F::ONE)
 }
 
 /// What is stopped, with which a depth is weighed; nothing where there is no depth.
 #[inline(always)]
-fn stopped(transmittance: [f32; 3], depth: f32) -> f32 {
-    if !finite(depth) {
-        return 0.0;
-    }
-    ((3.0 - (transmittance[0] + transmittance[1] + transmittance[2])) * (1.0 / 3.0)).max(1e-9)
+fn stopped<S: Simd>(transmittance: [F<S>; 3], depth: F<S>) -> F<S> {
+    let stops = (F::splat(3.0) - (transmittance[0] + transmittance[1] + transmittance[2])) * (1.0 / 3.0);
+    finite(depth).select(stops.max(F::splat(1e-9)), F::ZERO)
 }

@@ -1,187 +1,231 @@
-//! `path`: unbiased paths of light through everything. One path at a time: paths part ways at once, and packets of them would
-//! have little in common.
+//! `path`: unbiased paths of light through everything. Sixteen of them walk at a time; paths part ways at once, and packets of
+//! what else happens to them would have little in common.
 
 use std::f32::consts::PI;
 use std::ops::Range;
 
 use airlight_core::device::DeviceError;
 use airlight_core::glam::Vec3;
-use airlight_core::stage::{FAR, LightRecord, MeshRecord, Path, PathParams, PathRecord, path_mode};
+use airlight_core::stage::{FAR, MeshRecord, Path, PathRecord, path_mode};
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 
 use super::angle::{angle, angle_of_cosine};
 use super::bend::{around, bend, choose};
-use super::field::{Colors, Scalars};
 use super::light::incident;
-use super::mesh::{Mesh, line};
-use super::phase::Phase;
-use super::random::{Draws, circle, draw, draws};
-use super::sky::{Sky, sky};
+use super::mesh::line;
+use super::random::{Draws, Series, circle, draw, draws};
+use super::sky::sky;
 use super::spot::{Spot, dull, scattered, scattered_density, spot};
-use super::walk::{Ground, Walk, advance, carried, stands, walk};
+use super::walk::{Walk, Walks, carried, walk};
+use crate::Isa;
 use crate::device::Memory;
-use crate::packet::{self, M, triple};
-use crate::simd::Portable;
+use crate::isa::compiled_for;
+use crate::packet::{self, I, LANES, M, triple};
+use crate::paths::{PathInputs as Inputs, Way, keep, resume};
+use crate::simd::{Portable, Simd};
 
 /// Pixels that one task takes.
-const TASK: usize = 16;
+const TASK: usize = 128;
 
 /// Packets of which one lane counts.
 type F = packet::F<Portable>;
-
-struct Inputs<'a> {
-    p: &'a PathParams,
-    ground: Ground<'a>,
-    density: Scalars<'a>,
-    scattering: Option<Colors<'a>>,
-    seen: Option<Colors<'a>>,
-    emission: Option<Scalars<'a>>,
-    emission_color: Option<Colors<'a>>,
-    environment: Option<Sky<'a>>,
-    lights: &'a [LightRecord],
-    tables: &'a [f32],
-    bends: &'a [f32],
-    materials: &'a [f32],
-    phase: Phase<'a>,
-    mesh: Option<Mesh<'a>>,
-    background: &'a [[f32; 4]],
-}
 
 /// Three vectors of a pixel's sums.
 type Sums = [[f32; 4]; 3];
 /// Two vectors of a pixel of a film.
 type Pixel = [[f32; 4]; 2];
 
-/// A path on its way, as [`PathRecord`] keeps it.
-#[derive(Clone, Copy)]
-struct Way {
-    mode: u32,
-    place: Vec3,
-    direction: Vec3,
-    next: Vec3,
-    density: f32,
-    weight: Vec3,
-    total: f32,
-    light: Vec3,
-    chosen: f32,
-    pending: Vec3,
-    stopped: f32,
-    ratio: Vec3,
-    stopped_at: f32,
-    through: Vec3,
-    surface: f32,
-    depth: u32,
-    triangle: u32,
-}
-
-pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
+pub(crate) fn run(stage: &Path, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.sums)?;
     memory.take(stage.paths)?;
     memory.take(stage.film)?;
     let (mut out, read) = memory.split();
-    let p = &stage.params;
-    let [x, y, z, _] = p.dims;
-    let colors = |field| match field {
-        Some(field) => Ok(Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1]))),
-        None => Ok::<_, DeviceError>(None),
-    };
-    let tables = read.buf(stage.tables)?;
-    let inputs = Inputs {
-        p,
-        ground: Ground {
-            dims: p.dims,
-            index: [p.index_x, p.index_y, p.index_z],
-            cells: p.majorant_cells,
-            majorant: read.buf(stage.majorant)?,
-            densest: p.densest,
-            least: p.least,
-        },
-        density: read.scalars(stage.density)?,
-        scattering: colors(stage.scattering)?,
-        seen: colors(stage.seen)?,
-        emission: match stage.emission {
-            Some(field) => Some(read.scalars(field)?),
-            None => None,
-        },
-        emission_color: colors(stage.emission_color)?,
-        environment: Sky::of(read, stage.environment, [p.environment_width, p.environment_height], p.environment)?,
-        lights: &read.opt(stage.lights)?[..p.lights as usize],
-        tables,
-        bends: tables.get(p.bends_at as usize..).unwrap_or_default(),
-        materials: tables.get(p.materials_at as usize..).unwrap_or_default(),
-        phase: Phase {
-            kind: p.phase_kind,
-            lobes: p.phase,
-            table: &tables[p.phase_at as usize..][..p.phase_size as usize],
-        },
-        mesh: match stage.mesh {
-            Some(mesh) => Some(Mesh::new(read.buf(mesh)?, p.nodes)),
-            None => None,
-        },
-        background: read.opt(stage.background)?,
-    };
+    let inputs = Inputs::new(stage, read)?;
     let part = range.start as usize..range.end as usize;
     let film: &mut [Pixel] = &mut bytemuck::cast_slice_mut(out.remove(2))[part.clone()];
     let paths: &mut [PathRecord] = &mut bytemuck::cast_slice_mut(out.remove(1))[part.clone()];
     let sums: &mut [Sums] = &mut bytemuck::cast_slice_mut(out.remove(0))[part];
     let tasks = sums.par_chunks_mut(TASK).zip(paths.par_chunks_mut(TASK)).zip(film.par_chunks_mut(TASK));
-    tasks.enumerate().for_each(|(n, ((sums, paths), film))| {
-        let (inputs, first) = (&inputs, range.start + (n * TASK) as u32);
-        for (((sums, record), film), pixel) in sums.iter_mut().zip(paths).zip(film).zip(first..) {
-            path(inputs, pixel, sums, record, film);
-        }
+    tasks.enumerate().for_each(|(n, ((sums, records), film))| {
+        let part = &mut Part { first: range.start + (n * TASK) as u32, sums, records, film };
+        let inputs = &inputs;
+        compiled_for!(isa, path<S>(inputs: &Inputs<'_>, part: &mut Part<'_>));
     });
     Ok(())
 }
 
-/// The turns of a pixel.
-fn path(inputs: &Inputs<'_>, pixel: u32, sums: &mut Sums, record: &mut PathRecord, film: &mut Pixel) {
-    let p = inputs.p;
-    if p.fresh == 1 {
-        (*sums, *record) = ([[0.0; 4]; 3], PathRecord::zeroed());
+/// Pixels of a task.
+struct Part<'a> {
+    /// Number of the first.
+    first: u32,
+    sums: &'a mut [Sums],
+    records: &'a mut [PathRecord],
+    film: &'a mut [Pixel],
+}
+
+/// A pixel and its path, as far as its lane does not walk.
+#[derive(Clone, Copy)]
+struct Lane {
+    /// Number within the task.
+    pixel: usize,
+    sums: Sums,
+    way: Way,
+}
+
+/// Where a path meets what may stop it: in index space, and metres along; the density there, and the rate.
+struct Met {
+    at: Vec3,
+    t: f32,
+    density: f32,
+    rate: f32,
+}
+
+/// The turns of the pixels of a task. Each lane takes the next pixel when it is done with one: all walk together, and whatever
+/// else happens to a path happens to it alone.
+#[inline(always)]
+fn path<S: Simd>(inputs: &Inputs<'_>, part: &mut Part<'_>) {
+    let count = part.sums.len();
+    let mut lanes = [Lane { pixel: 0, sums: Sums::default(), way: resume(&PathRecord::zeroed()) }; LANES];
+    let (mut on, mut numbers) = (Walks::<S>::idle(), Series::<S>::idle());
+    // Lanes that walk, those that are to be seen to, and the turns that each has left.
+    let (mut walking, mut halted, mut left) = (M::<S>::NONE, 0u32, I::<S>::ZERO);
+    let mut next = 0;
+    for (i, lane) in lanes.iter_mut().enumerate().take(count) {
+        let (walk, own) = open(inputs, part, next, lane);
+        on.set(&inputs.ground, i, &walk);
+        numbers.set(i, &own);
+        left.0[i] = turns(inputs);
+        halted |= 1 << i;
+        next += 1;
     }
-    let [mut light, mut seen, mut stop] = *sums;
-    let mut way = resume(record);
-    let mut on = kept(inputs, record);
-    let mut numbers = draws(pixel, light[3] as u32, p.frame, record.count[1]);
-    for _ in 0..p.turns {
-        let mut sets_out = true;
-        if way.mode == path_mode::IDLE {
-            if light[3] >= p.samples as f32 {
-                break;
+    loop {
+        while halted != 0 {
+            let i = halted.trailing_zeros() as usize;
+            let lane = &mut lanes[i];
+            let mut own = numbers.get(i);
+            halted &= halted - 1;
+            let done = lane.way.mode == path_mode::IDLE && lane.sums[0][3] >= inputs.p.samples as f32;
+            if done || left.0[i] == 0 {
+                close(part, lane, &on.get(i), &own);
+                if next == count {
+                    continue;
+                }
+                let (walk, own) = open(inputs, part, next, lane);
+                on.set(&inputs.ground, i, &walk);
+                numbers.set(i, &own);
+                left.0[i] = turns(inputs);
+                next += 1;
+            } else if walks(&lane.way) && !on.over.lane(i) {
+                walking.set(i, true);
+                continue;
+            } else {
+                left.0[i] -= 1;
+                if let Some(walk) = happen(inputs, part.first, lane, None, &mut own) {
+                    on.set(&inputs.ground, i, &walk);
+                }
+                numbers.set(i, &own);
             }
-            numbers = draws(pixel, light[3] as u32, p.frame, 0);
-            way = begin(inputs, pixel, &mut numbers);
-            meet(inputs, &mut way);
-        } else if way.mode == path_mode::DEPART {
-            (way.direction, way.mode) = (way.next, path_mode::FLIGHT);
-            meet(inputs, &mut way);
-        } else {
-            sets_out = turn(inputs, pixel, &mut way, &mut on, &mut numbers) && scatter(inputs, &mut way, &mut numbers);
+            halted |= 1 << i;
         }
-        if sets_out {
-            let (origin, direction) = (placed(inputs, way.place), carried(&inputs.ground, way.direction));
-            on = walk(&inputs.ground, origin, direction, limit(inputs, &way, pixel));
+        if !walking.any() {
+            break;
         }
-        if way.mode == path_mode::IDLE {
-            let l = way.light;
-            let mean = (l.x + l.y + l.z) * (1.0 / 3.0);
-            light = [light[0] + l.x, light[1] + l.y, light[2] + l.z, light[3] + 1.0];
-            let t = way.through;
-            seen = [seen[0] + t.x, seen[1] + t.y, seen[2] + t.z, seen[3] + mean * mean];
-            stop = [stop[0] + way.stopped, stop[1] + way.stopped_at, 0.0, 0.0];
+        let rate = on.advance(&inputs.ground, &mut numbers, walking);
+        left = left.plus(walking.choose(-1));
+        let met = walking.and(rate.gt(packet::F::ZERO));
+        if met.any() {
+            let at = on.stands();
+            let density = inputs.density.sample(at);
+            let mut bits = met.bits();
+            while bits != 0 {
+                let i = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let (lane, mut own) = (&mut lanes[i], numbers.get(i));
+                let at = Vec3::from(triple!(a => at[a].0[i]));
+                let met = Met { at, t: on.t.0[i], density: density.0[i], rate: rate.0[i] };
+                if let Some(walk) = happen(inputs, part.first, lane, Some(&met), &mut own) {
+                    on.set(&inputs.ground, i, &walk);
+                } else if !walks(&lane.way) || lane.way.mode != path_mode::FLIGHT && lane.way.ratio == Vec3::ZERO {
+                    on.over.set(i, true);
+                }
+                numbers.set(i, &own);
+            }
         }
+        let stop = walking.and(on.over.or(left.below(1)));
+        halted = stop.bits();
+        walking = walking.and(stop.not());
     }
-    *sums = [light, seen, stop];
-    *record = keep(&way, &on, &numbers);
+}
+
+/// Turns of a pixel.
+fn turns(inputs: &Inputs<'_>) -> i32 {
+    inputs.p.turns.min(i32::MAX as u32) as i32
+}
+
+/// Whether a path is on a walk, which may be at its end.
+fn walks(way: &Way) -> bool {
+    matches!(way.mode, path_mode::VIEW | path_mode::SHADOW | path_mode::FLIGHT)
+}
+
+/// Takes up a pixel: its walk and draws.
+fn open(inputs: &Inputs<'_>, part: &mut Part<'_>, pixel: usize, lane: &mut Lane) -> (Walk, Draws) {
+    if inputs.p.fresh == 1 {
+        (part.sums[pixel], part.records[pixel]) = (Sums::default(), PathRecord::zeroed());
+    }
+    let record = &part.records[pixel];
+    *lane = Lane { pixel, sums: part.sums[pixel], way: resume(record) };
+    let numbers = draws(part.first + pixel as u32, lane.sums[0][3] as u32, inputs.p.frame, record.count[1]);
+    (kept(inputs, record), numbers)
+}
+
+/// Lays down a pixel.
+fn close(part: &mut Part<'_>, lane: &Lane, on: &Walk, numbers: &Draws) {
+    let Lane { pixel, sums: [light, seen, stop], ref way } = *lane;
+    part.sums[pixel] = lane.sums;
+    part.records[pixel] = keep(way, on, numbers);
     let share = 1.0 / light[3].max(1.0);
     let through = triple!(c => seen[c] * share);
     // Exactly nothing where all came through, also where a product and a sum are rounded as one.
     let stops = (3.0 * light[3] - (seen[0] + seen[1] + seen[2])) * (share / 3.0);
     let depth = if stop[0] > 0.0 { stop[1] / stop[0] } else { f32::INFINITY };
-    *film =
+    part.film[pixel] =
         [[light[0] * share, light[1] * share, light[2] * share, stops], [through[0], through[1], through[2], depth]];
+}
+
+/// A turn of a path but for the step of its walk, which may have met something. The walk that it sets out on.
+fn happen(inputs: &Inputs<'_>, first: u32, lane: &mut Lane, met: Option<&Met>, numbers: &mut Draws) -> Option<Walk> {
+    let Lane { pixel, sums, way } = lane;
+    let pixel = first + *pixel as u32;
+    let mut sets_out = true;
+    if way.mode == path_mode::IDLE {
+        *numbers = draws(pixel, sums[0][3] as u32, inputs.p.frame, 0);
+        *way = begin(inputs, pixel, numbers);
+        meet(inputs, way);
+    } else if way.mode == path_mode::DEPART {
+        (way.direction, way.mode) = (way.next, path_mode::FLIGHT);
+        meet(inputs, way);
+    } else {
+        let scatters = match met {
+            Some(met) => turn(inputs, way, met, numbers),
+            None => arrive(inputs, pixel, way, numbers),
+        };
+        sets_out = scatters && scatter(inputs, way, numbers);
+    }
+    if way.mode == path_mode::IDLE {
+        let (l, t) = (way.light, way.through);
+        let mean = (l.x + l.y + l.z) * (1.0 / 3.0);
+        let [light, seen, stop] = *sums;
+        *sums = [
+            [light[0] + l.x, light[1] + l.y, light[2] + l.z, light[3] + 1.0],
+            [seen[0] + t.x, seen[1] + t.y, seen[2] + t.z, seen[3] + mean * mean],
+            [stop[0] + way.stopped, stop[1] + way.stopped_at, 0.0, 0.0],
+        ];
+    }
+    sets_out.then(|| {
+        let (origin, direction) = (placed(inputs, way.place), carried(&inputs.ground, way.direction));
+        walk(&inputs.ground, origin, direction, limit(inputs, way, pixel))
+    })
 }
 
 /// A place of the world, from the eye, in index space.
@@ -200,46 +244,6 @@ fn kept(inputs: &Inputs<'_>, of: &PathRecord) -> Walk {
     let cell = [i as i32, j as i32, k as i32];
     let direction = carried(&inputs.ground, Vec3::new(dx, dy, dz));
     Walk { origin: placed(inputs, Vec3::new(x, y, z)), direction, t, far, cell, over: over == 1 }
-}
-
-/// The path that a record keeps.
-fn resume(of: &PathRecord) -> Way {
-    let xyz = |v: [f32; 4]| Vec3::new(v[0], v[1], v[2]);
-    Way {
-        mode: of.count[0],
-        place: xyz(of.place),
-        direction: xyz(of.way),
-        next: xyz(of.next),
-        density: of.next[3],
-        weight: xyz(of.weight),
-        total: of.weight[3],
-        light: xyz(of.light),
-        chosen: of.light[3],
-        pending: xyz(of.pending),
-        stopped: of.pending[3],
-        ratio: xyz(of.ratio),
-        stopped_at: of.ratio[3],
-        through: xyz(of.through),
-        surface: of.through[3],
-        depth: of.count[2],
-        triangle: of.count[3],
-    }
-}
-
-/// What a record keeps of a path.
-fn keep(of: &Way, on: &Walk, numbers: &Draws) -> PathRecord {
-    PathRecord {
-        place: of.place.extend(on.t).to_array(),
-        way: of.direction.extend(on.far).to_array(),
-        next: of.next.extend(of.density).to_array(),
-        weight: of.weight.extend(of.total).to_array(),
-        light: of.light.extend(of.chosen).to_array(),
-        pending: of.pending.extend(of.stopped).to_array(),
-        ratio: of.ratio.extend(of.stopped_at).to_array(),
-        through: of.through.extend(of.surface).to_array(),
-        cell: [on.cell[0] as u32, on.cell[1] as u32, on.cell[2] as u32, on.over.into()],
-        count: [of.mode, numbers.next, of.depth, of.triangle],
-    }
 }
 
 /// A path at the eye.
@@ -303,20 +307,12 @@ fn limit(inputs: &Inputs<'_>, way: &Way, pixel: u32) -> f32 {
     if way.mode == path_mode::VIEW { way.surface.min(behind(inputs, pixel)[3]) } else { way.surface }
 }
 
-/// A turn of a walk. Whether the path scatters where it now is.
-fn turn(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, on: &mut Walk, numbers: &mut Draws) -> bool {
-    if on.over {
-        return arrive(inputs, pixel, way, numbers);
-    }
-    let rate = advance(&inputs.ground, on, numbers);
-    if rate == 0.0 {
-        return false;
-    }
-    let at = stands(on);
-    let extinction = extinction(inputs, at, rate);
+/// What is met on a walk. Whether the path scatters where it now is.
+fn turn(inputs: &Inputs<'_>, way: &mut Way, met: &Met, numbers: &mut Draws) -> bool {
+    let Met { at, t, density, rate } = *met;
+    let extinction = extinction(inputs, density, rate);
     if way.mode == path_mode::SHADOW {
         way.ratio = faint(way.ratio * (Vec3::ONE - extinction), numbers);
-        on.over = way.ratio == Vec3::ZERO;
         return false;
     }
     let scattering = scattering(inputs, at, extinction, rate);
@@ -325,10 +321,9 @@ fn turn(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, on: &mut Walk, numbers: 
         way.light += way.ratio * emission;
         let stopped = way.ratio.dot(extinction);
         way.stopped += stopped;
-        way.stopped_at += stopped * on.t;
-        offer(way, way.ratio * tinted(inputs, at, scattering, rate), on.t, numbers);
+        way.stopped_at += stopped * t;
+        offer(way, way.ratio * tinted(inputs, at, scattering, rate), t, numbers);
         way.ratio = faint(way.ratio * (Vec3::ONE - extinction), numbers);
-        on.over = way.ratio == Vec3::ZERO;
         return false;
     }
     way.light += way.weight * emission;
@@ -339,7 +334,7 @@ fn turn(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, on: &mut Walk, numbers: 
         return false;
     }
     way.weight = way.weight * scattering / real;
-    way.place += on.t * way.direction;
+    way.place += t * way.direction;
     if way.weight == Vec3::ZERO || way.depth >= inputs.p.max_depth {
         way.mode = path_mode::IDLE;
         return false;
@@ -349,8 +344,7 @@ fn turn(inputs: &Inputs<'_>, pixel: u32, way: &mut Way, on: &mut Walk, numbers: 
 }
 
 /// σt/μ, at most 1: lookups are good to a rounding.
-fn extinction(inputs: &Inputs<'_>, at: Vec3, rate: f32) -> Vec3 {
-    let density = inputs.density.single(at.to_array());
+fn extinction(inputs: &Inputs<'_>, density: f32, rate: f32) -> Vec3 {
     let e = inputs.p.extinction;
     (density / rate * Vec3::new(e[0], e[1], e[2])).min(Vec3::ONE)
 }

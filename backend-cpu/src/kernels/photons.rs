@@ -1,4 +1,4 @@
-//! `photons`: light that the medium scatters, left on the cells of a coarse grid. One photon at a time, as `path`'s.
+//! `photons`: light that the medium scatters, left on the cells of a coarse grid. Sixteen photons walk at a time, as `path`'s.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
@@ -12,19 +12,18 @@ use super::bend::{around, bend, bend_density};
 use super::field::{Colors, Scalars};
 use super::harmonics::{MAX, harmonics};
 use super::phase::{Phase, phase};
-use super::random::{Draws, draw, draws};
-use super::walk::{Ground, Walk, advance, carried, stands, walk};
+use super::random::{Draws, Series, draw, draws};
+use super::walk::{Ground, Walk, Walks, carried, walk};
+use crate::Isa;
 use crate::device::Memory;
-use crate::packet::{self, LANES, lanes, triple};
-use crate::simd::Portable;
+use crate::isa::compiled_for;
+use crate::packet::{F, I, LANES, M, lanes, triple};
+use crate::simd::{Portable, Simd};
 
 /// Photons that one task takes.
-const TASK: usize = 256;
-/// Flights that are kept before their light is left: no more than a packet has lanes.
-const EVENTS: usize = Photons::EVENTS as usize;
-
-/// Packets of which one lane counts.
-type F = packet::F<Portable>;
+const TASK: u32 = 512;
+/// Flights that are kept before their light is left.
+const EVENTS: usize = LANES;
 
 struct Inputs<'a> {
     p: &'a PhotonParams,
@@ -40,21 +39,32 @@ struct Inputs<'a> {
     deposits: &'a [AtomicI32],
 }
 
-/// A photon on its way.
+/// A photon on its way, as far as its lane does not walk.
+#[derive(Clone, Copy)]
 struct Photon {
-    on: Walk,
+    /// Of all photons, and where in the list its direction is.
+    number: u32,
+    source: usize,
     way: Vec3,
     weight: f32,
     /// Scatterings before this flight.
     depth: u32,
-    turns: u32,
     over: bool,
 }
 
-/// A flight that leaves light: in index space from where, and voxels per metre; on its way through the world; metres of it, and light
-/// per metre or all of it.
+/// Where a photon is stopped: in index space, with the density and the extinction there.
+struct Stop {
+    at: Vec3,
+    density: f32,
+    extinction: f32,
+}
+
+/// A flight that leaves light: of which photon, as [`Photon`] has it; in index space from where, and voxels per metre; on its way
+/// through the world; metres of it, and light per metre or all of it.
 #[derive(Clone, Copy)]
 struct Event {
+    number: u32,
+    source: usize,
     origin: Vec3,
     direction: Vec3,
     way: Vec3,
@@ -63,10 +73,10 @@ struct Event {
     depth: u32,
 }
 
-/// What a photon counts.
+/// What photons count.
 type Tally = [i32; photon_counter::COUNT as usize];
 
-pub(crate) fn run(stage: &Photons, range: Range<u32>, memory: &mut Memory<'_>) -> Result<(), DeviceError> {
+pub(crate) fn run(stage: &Photons, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.deposits)?;
     memory.take(stage.counters)?;
     let (mut out, read) = memory.split();
@@ -76,14 +86,13 @@ pub(crate) fn run(stage: &Photons, range: Range<u32>, memory: &mut Memory<'_>) -
     let counters = shared(bytemuck::cast_slice_mut(out.remove(1)));
     let inputs = Inputs {
         p,
-        ground: Ground {
-            dims: p.dims,
-            index: [p.index_x, p.index_y, p.index_z],
-            cells: p.majorant_cells,
-            majorant: read.buf(stage.majorant)?,
-            densest: p.densest,
-            least: p.least,
-        },
+        ground: Ground::new(
+            p.dims,
+            [p.index_x, p.index_y, p.index_z],
+            p.majorant_cells,
+            read.buf(stage.majorant)?,
+            [p.densest, p.least],
+        )?,
         density: read.scalars(stage.density)?,
         scattering: match stage.scattering {
             Some(field) => Some(Colors::new(bytemuck::cast_slice(read.field(field)?), [x, y, z, 1])),
@@ -101,8 +110,14 @@ pub(crate) fn run(stage: &Photons, range: Range<u32>, memory: &mut Memory<'_>) -
         rows: read.buf(stage.rows)?,
         deposits: shared(bytemuck::cast_slice_mut(out.remove(0))),
     };
-    (range.start..range.end).into_par_iter().with_min_len(TASK).for_each(|unit| {
-        for (count, counter) in photons(&inputs, unit).into_iter().zip(counters) {
+    let tasks = (range.end - range.start).div_ceil(TASK);
+    (0..tasks).into_par_iter().for_each(|n| {
+        let begin = range.start + n * TASK;
+        let (inputs, units) = (&inputs, begin..range.end.min(begin + TASK));
+        let mut tally = Tally::default();
+        let counts = &mut tally;
+        compiled_for!(isa, photons<S>(inputs: &Inputs<'_>, units: Range<u32>, counts: &mut Tally));
+        for (count, counter) in tally.into_iter().zip(counters) {
             if count > 0 {
                 counter.fetch_add(count, Relaxed);
             }
@@ -122,40 +137,83 @@ fn shared(values: &mut [i32]) -> &[AtomicI32] {
     }
 }
 
-/// The photon of a unit.
-fn photons(inputs: &Inputs<'_>, unit: u32) -> Tally {
+/// The photons of some units. Each lane takes the next when one is no more: all walk together, and whatever else happens to a
+/// photon happens to it alone.
+#[inline(always)]
+fn photons<S: Simd>(inputs: &Inputs<'_>, units: Range<u32>, tally: &mut Tally) {
     let p = inputs.p;
-    let source = &inputs.directions[(unit % p.listed) as usize];
-    let number = (p.round + unit / p.listed) * p.directions + source.number;
-    let mut numbers = draws(number, 0, p.seed, 0);
-    let mut photon = enter(inputs, source, &mut numbers);
-    let mut tally = Tally::default();
-    if p.begin == 1 {
-        tally[photon_counter::PHOTONS as usize] = 1;
-    }
-    let none = Event { origin: Vec3::ZERO, direction: Vec3::ZERO, way: Vec3::ZERO, length: 0.0, light: 0.0, depth: 0 };
-    let mut events = [none; EVENTS];
-    let mut values = [F::ZERO; MAX];
-    while !photon.over {
-        let count = trace(inputs, &mut photon, &mut numbers, &mut events, &mut tally);
-        if count == 0 {
-            continue;
+    let none = Photon { number: 0, source: 0, way: Vec3::ZERO, weight: 0.0, depth: 0, over: true };
+    let mut lanes = [none; LANES];
+    let (mut on, mut numbers) = (Walks::<S>::idle(), Series::<S>::idle());
+    let (mut at, mut density, mut extinction) = ([F::<S>::ZERO; 3], F::<S>::ZERO, F::<S>::ZERO);
+    // Lanes that walk, those that are to be seen to, those of them that were stopped, and the turns that each has left.
+    let (mut walking, mut halted, mut stopped, mut left) = (M::<S>::NONE, (1u32 << LANES) - 1, 0u32, I::<S>::ZERO);
+    let mut events = Events::default();
+    let mut next = units.start;
+    loop {
+        while halted != 0 {
+            let i = halted.trailing_zeros() as usize;
+            let photon = &mut lanes[i];
+            let stop = stopped >> i & 1 == 1;
+            stopped &= !(1 << i);
+            if photon.over {
+                if next == units.end {
+                    halted &= halted - 1;
+                    continue;
+                }
+                let source = (next % p.listed) as usize;
+                let number = (p.round + next / p.listed) * p.directions + inputs.directions[source].number;
+                let mut own = draws(number, 0, p.seed, 0);
+                let (way, walk) = enter(inputs, &inputs.directions[source], &mut own);
+                *photon = Photon { number, source, way, weight: 1.0, depth: 0, over: false };
+                on.set(&inputs.ground, i, &walk);
+                numbers.set(i, &own);
+                left.0[i] = p.turns.min(i32::MAX as u32) as i32;
+                tally[photon_counter::PHOTONS as usize] += i32::from(p.begin == 1);
+                next += 1;
+            } else if !stop && left.0[i] == 0 {
+                photon.over = true;
+                let leaves = photon.depth >= p.begin;
+                tally[photon_counter::TRUNCATED as usize] += i32::from(leaves || p.begin == 1);
+            } else if !stop && !on.over.lane(i) {
+                walking.set(i, true);
+                halted &= halted - 1;
+            } else {
+                left.0[i] -= i32::from(!stop);
+                let place = Vec3::from(triple!(a => at[a].0[i]));
+                let stop = stop.then(|| Stop { at: place, density: density.0[i], extinction: extinction.0[i] });
+                let mut own = numbers.get(i);
+                if let Some(walk) = trace(inputs, photon, &on.get(i), stop, &mut own, &mut events, tally) {
+                    on.set(&inputs.ground, i, &walk);
+                }
+                numbers.set(i, &own);
+                if events.count == EVENTS {
+                    land_all::<S>(inputs, &mut events, tally);
+                }
+            }
         }
-        // Toward where the light of each event comes from.
-        let toward = triple!(a => F::of(lanes!(i => if i < count { -events[i].way[a] } else { 0.0 })));
-        harmonics(inputs.tables, p.bands as usize, toward, &mut values);
-        for (i, event) in events[..count].iter().enumerate() {
-            let mut moments = [0.0; MAX];
-            moments.iter_mut().zip(&values).take((p.bands * p.bands) as usize).for_each(|(m, v)| *m = v.0[i]);
-            let rounding = draws(number, event.depth, p.seed, 0);
-            deposit(inputs, source, event, &moments, rounding, &mut tally);
+        if !walking.any() {
+            break;
         }
+        let rate = on.advance(&inputs.ground, &mut numbers, walking);
+        left = left.plus(walking.choose(-1));
+        let met = walking.and(rate.gt(F::ZERO));
+        let mut real = M::NONE;
+        if met.any() {
+            at = on.stands();
+            density = inputs.density.sample(at);
+            extinction = (density * p.densest).min(rate);
+            real = met.and((numbers.draw(met) * rate).lt(extinction));
+        }
+        let stop = walking.and(on.over.or(left.below(1)).or(real));
+        (halted, stopped) = (stop.bits(), real.bits());
+        walking = walking.and(stop.not());
     }
-    tally
+    land_all::<S>(inputs, &mut events, tally);
 }
 
-/// A photon where it enters the box.
-fn enter(inputs: &Inputs<'_>, source: &PhotonDirection, numbers: &mut Draws) -> Photon {
+/// The way of a photon, and its walk from where it enters the box.
+fn enter(inputs: &Inputs<'_>, source: &PhotonDirection, numbers: &mut Draws) -> (Vec3, Walk) {
     let toward = source.toward;
     let way = -Vec3::new(toward[0], toward[1], toward[2]);
     let along = carried(&inputs.ground, way);
@@ -172,87 +230,107 @@ fn enter(inputs: &Inputs<'_>, source: &PhotonDirection, numbers: &mut Draws) -> 
     };
     let [x, y, z, _] = inputs.p.dims;
     let origin = at * Vec3::new(x as f32, y as f32, z as f32) - 0.5;
-    let on = walk(&inputs.ground, origin, along, FAR);
-    Photon { on, way, weight: 1.0, depth: 0, turns: 0, over: false }
+    (way, walk(&inputs.ground, origin, along, FAR))
 }
 
-/// Follows a photon until it has made so many flights that leave light as are kept, or is no more. How many it made.
+/// What happens to a photon at the end of its walk `on`, or where it is stopped before. The walk that it goes on by.
 fn trace(
     inputs: &Inputs<'_>,
     photon: &mut Photon,
+    on: &Walk,
+    stop: Option<Stop>,
     numbers: &mut Draws,
-    events: &mut [Event; EVENTS],
+    events: &mut Events,
     tally: &mut Tally,
-) -> usize {
+) -> Option<Walk> {
     let p = inputs.p;
-    let mut count = 0;
-    while !photon.over && count < EVENTS {
-        let leaves = photon.depth >= p.begin;
-        if photon.turns >= p.turns {
-            photon.over = true;
-            tally[photon_counter::TRUNCATED as usize] += i32::from(leaves || p.begin == 1);
-            break;
-        }
-        photon.turns += 1;
-        let mut light = 0.0;
-        let mut at = photon.on.origin;
-        if photon.on.over {
-            photon.over = true;
-            light = if p.deposit == photon_deposit::TRACK { photon.weight } else { 0.0 };
-        } else {
-            let rate = advance(&inputs.ground, &mut photon.on, numbers);
-            if rate == 0.0 {
-                continue;
-            }
-            at = stands(&photon.on);
-            let density = inputs.density.single(at.to_array());
-            let extinction = (density * p.densest).min(rate);
-            if draw(numbers) * rate >= extinction {
-                continue;
-            }
-            let scatters = albedo(inputs, at, density);
-            match p.deposit {
-                photon_deposit::TRACK => light = photon.weight,
-                photon_deposit::COLLISION => light = photon.weight / extinction,
-                _ => {
-                    if draw(numbers) >= scatters {
-                        light = photon.weight / (extinction * (1.0 - scatters));
-                        photon.over = true;
-                    }
+    let track = p.deposit == photon_deposit::TRACK;
+    let leaves = photon.depth >= p.begin;
+    let (mut at, mut light) = (on.origin, 0.0);
+    if let Some(stop) = stop {
+        at = stop.at;
+        let scatters = albedo(inputs, at, stop.density);
+        match p.deposit {
+            photon_deposit::TRACK => light = photon.weight,
+            photon_deposit::COLLISION => light = photon.weight / stop.extinction,
+            _ => {
+                if draw(numbers) >= scatters {
+                    light = photon.weight / (stop.extinction * (1.0 - scatters));
+                    photon.over = true;
                 }
             }
-            if p.deposit != photon_deposit::ABSORPTION {
-                photon.weight *= scatters;
-            }
         }
-        if leaves && light > 0.0 {
-            let track = p.deposit == photon_deposit::TRACK;
-            let origin = if track { photon.on.origin } else { at };
-            let (direction, length) = (photon.on.direction, photon.on.t);
-            events[count] = Event { origin, direction, way: photon.way, length, light, depth: photon.depth };
-            count += 1;
+        if p.deposit != photon_deposit::ABSORPTION {
+            photon.weight *= scatters;
         }
-        if photon.weight < Photons::WEAK && !photon.over {
-            photon.over = draw(numbers) * Photons::WEAK >= photon.weight;
-            photon.weight = Photons::WEAK;
-        }
-        if photon.over {
-            break;
-        }
-        photon.depth += 1;
-        if photon.depth >= p.end {
-            photon.over = true;
-            tally[photon_counter::TRUNCATED as usize] += i32::from(p.end > p.max_depth);
-            break;
-        }
-        let c = bend(&inputs.phase, inputs.bends, numbers);
-        if p.phase_kind == PhaseParams::TABLE {
-            photon.weight *= phase(&inputs.phase, F::splat(c)).0[0] / bend_density(&inputs.phase, inputs.bends, c);
-        }
-        photon.way = around(photon.way, c, draw(numbers));
-        photon.on = walk(&inputs.ground, at, carried(&inputs.ground, photon.way), FAR);
+    } else {
+        photon.over = true;
+        light = if track { photon.weight } else { light };
     }
-    count
+    if leaves && light > 0.0 {
+        let Photon { number, source, way, depth, .. } = *photon;
+        let origin = if track { on.origin } else { at };
+        events.push(Event { number, source, origin, direction: on.direction, way, length: on.t, light, depth });
+    }
+    if photon.weight < Photons::WEAK && !photon.over {
+        photon.over = draw(numbers) * Photons::WEAK >= photon.weight;
+        photon.weight = Photons::WEAK;
+    }
+    if photon.over {
+        return None;
+    }
+    photon.depth += 1;
+    if photon.depth >= p.end {
+        photon.over = true;
+        tally[photon_counter::TRUNCATED as usize] += i32::from(p.end > p.max_depth);
+        return None;
+    }
+    let c = bend(&inputs.phase, inputs.bends, numbers);
+    if p.phase_kind == PhaseParams::TABLE {
+        let one = F::<Portable>::splat(c);
+        photon.weight *= phase(&inputs.phase, one).0[0] / bend_density(&inputs.phase, inputs.bends, c);
+    }
+    photon.way = around(photon.way, c, draw(numbers));
+    Some(walk(&inputs.ground, at, carried(&inputs.ground, photon.way), FAR))
+}
+
+/// Flights whose light is still to be left.
+struct Events {
+    of: [Event; EVENTS],
+    count: usize,
+}
+
+impl Default for Events {
+    fn default() -> Self {
+        let (number, source, length, light, depth) = (0, 0, 0.0, 0.0, 0);
+        let [origin, direction, way] = [Vec3::ZERO; 3];
+        Self { of: [Event { number, source, origin, direction, way, length, light, depth }; EVENTS], count: 0 }
+    }
+}
+
+impl Events {
+    /// Keeps one more, for which there is room.
+    fn push(&mut self, event: Event) {
+        self.of[self.count] = event;
+        self.count += 1;
+    }
+}
+
+/// Leaves the light of all that are kept.
+#[inline(always)]
+fn land_all<S: Simd>(inputs: &Inputs<'_>, events: &mut Events, tally: &mut Tally) {
+    let count = events.count;
+    // Toward where the light of each comes from.
+    let toward = triple!(a => F::<S>::of(lanes!(i => if i < count { -events.of[i].way[a] } else { 0.0 })));
+    let mut values = [F::ZERO; MAX];
+    harmonics(inputs.tables, inputs.p.bands as usize, toward, &mut values);
+    for (i, event) in events.of[..count].iter().enumerate() {
+        let mut moments = [0.0; MAX];
+        let used = (inputs.p.bands * inputs.p.bands) as usize;
+        moments.iter_mut().zip(&values).take(used).for_each(|(m, v)| *m = v.0[i]);
+        deposit(inputs, event, &moments, tally);
+    }
+    events.count = 0;
 }
 
 /// The albedo at a place of index space, where there is some density.
@@ -265,15 +343,9 @@ fn albedo(inputs: &Inputs<'_>, at: Vec3, density: f32) -> f32 {
 }
 
 /// Leaves the light of a flight.
-fn deposit(
-    inputs: &Inputs<'_>,
-    source: &PhotonDirection,
-    event: &Event,
-    moments: &[f32; MAX],
-    rounding: Draws,
-    tally: &mut Tally,
-) {
-    let p = inputs.p;
+fn deposit(inputs: &Inputs<'_>, event: &Event, moments: &[f32; MAX], tally: &mut Tally) {
+    let (p, source) = (inputs.p, &inputs.directions[event.source]);
+    let rounding = draws(event.number, event.depth, p.seed, 0);
     tally[photon_counter::DEPOSITS as usize] += 1;
     let [x, y, z, _] = p.cells;
     let cells = IVec3::new(x as i32, y as i32, z as i32);
@@ -380,19 +452,22 @@ fn land(cargo: &Cargo<'_>, cell: i32, light: f32, tally: &mut Tally) -> bool {
             let at = ((row - 1) * p.lights + number) * count;
             let places = &cargo.inputs.deposits[at as usize..][..count as usize];
             for (place, moment) in places.iter().zip(cargo.moments) {
-                add(place, (light * value * moment + up).floor(), tally);
+                add(place, light * value * moment + up, tally);
             }
         }
     }
     true
 }
 
-/// Adds to an integer, and counts what it does not hold.
+/// Adds what lies below a value to an integer, and counts what that does not hold.
+#[inline]
 fn add(place: &AtomicI32, value: f32, tally: &mut Tally) {
     let mut held = false;
     // What is not a number is not held either.
     if value.abs() < 2_147_483_648.0 {
-        let more = value as i32;
+        // A conversion rounds toward zero; large floats are integers.
+        let toward = value as i32;
+        let more = toward - i32::from(value < toward as f32);
         let before = if more == 0 { 0 } else { place.fetch_add(more, Relaxed) };
         let after = before.wrapping_add(more);
         held = (before ^ after) & (more ^ after) >= 0;

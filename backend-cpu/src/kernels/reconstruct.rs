@@ -83,8 +83,12 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
                 continue;
             }
             let place = place.min(p.rows) as usize - 1;
-            let red = row(inputs, 0, place);
-            let others = if p.channels == 3 { Some([row(inputs, 1, place), row(inputs, 2, place)]) } else { None };
+            let red = row(inputs, moments, 0, place);
+            let others = if p.channels == 3 {
+                Some([row(inputs, moments, 1, place), row(inputs, moments, 2, place)])
+            } else {
+                None
+            };
             let mut sum = F::<S>::ZERO;
             for (n, &beta) in inputs.beta.iter().enumerate() {
                 let j = n * FOUR;
@@ -94,8 +98,10 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
                     sum = sum + light * F::of(lanes!(l => basis[(j + l / WIDTH).min(harmonics::MAX - 1)].0[i]));
                 } else {
                     let to = &mut out[j * WIDTH..];
-                    let count = to.len().min(LANES);
-                    to[..count].copy_from_slice(&light.0[..count]);
+                    match to.first_chunk_mut::<LANES>() {
+                        Some(all) => *all = light.0,
+                        None => to[..WIDTH].copy_from_slice(&light.0[..WIDTH]),
+                    }
                 }
             }
             if p.view == 1 {
@@ -109,12 +115,12 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
 
 /// Where a row's values lie in a channel.
 #[inline(always)]
-fn row<'a>(inputs: &Inputs<'a>, channel: usize, row: usize) -> Row<'a> {
+fn row<'a>(inputs: &Inputs<'a>, moments: usize, channel: usize, row: usize) -> Row<'a> {
     let p = inputs.p;
     let components = p.components as usize;
     let place = channel * p.rows as usize + row;
     let cluster = inputs.clusters[place].min(p.clusters - 1) as usize;
-    let values = (1 + components) * p.coefficients() as usize * WIDTH;
+    let values = (1 + components) * moments * WIDTH;
     Row {
         radiance: &inputs.radiance[(channel * p.clusters as usize + cluster) * values..][..values],
         weights: &inputs.weights[place * components..][..components],
@@ -134,24 +140,28 @@ fn arriving<S: Simd>(moments: usize, row: &Row<'_>, others: &Option<[Row<'_>; 2]
 /// Four moments of a row in a channel from `j` on: its cluster's mean, and what it weighs the components.
 #[inline(always)]
 fn restored<S: Simd>(moments: usize, row: &Row<'_>, j: usize) -> F<S> {
-    let values = moments * WIDTH;
-    let mut sum = four(&row.radiance[..values], j);
-    let mut at = values;
+    let (from, pitch) = (&row.radiance[j * WIDTH..], moments * WIDTH);
+    // Squares end with four or with one, behind which all is zero. Asked in a loop, a packet would be put together in memory.
+    if moments - j >= FOUR { summed::<S, FOUR>(row, from, pitch) } else { summed::<S, 1>(row, from, pitch) }
+}
+
+/// So many moments of the mean and the weighed components, each `pitch` behind the one before.
+#[inline(always)]
+fn summed<S: Simd, const COUNT: usize>(row: &Row<'_>, from: &[f32], pitch: usize) -> F<S> {
+    let mut sum = four::<S, COUNT>(from);
+    let mut at = pitch;
     for &weight in row.weights {
-        sum = sum + four(&row.radiance[at..][..values], j) * weight;
-        at += values;
+        sum = sum + four::<S, COUNT>(&from[at..]) * weight;
+        at += pitch;
     }
     sum
 }
 
-/// Four moments from `j` on. Squares end with four or with one, behind which all is zero.
+/// So many moments, at most four, and zeros.
 #[inline(always)]
-fn four<S: Simd>(moments: &[f32], j: usize) -> F<S> {
-    let from = &moments[j * WIDTH..];
-    match from.first_chunk::<LANES>() {
-        Some(all) => F::of(*all),
-        None => F::of(lanes!(i => if i < WIDTH { from[i] } else { 0.0 })),
-    }
+fn four<S: Simd, const COUNT: usize>(moments: &[f32]) -> F<S> {
+    let moments = &moments[..COUNT * WIDTH];
+    F::of(lanes!(i => if i < COUNT * WIDTH { moments[i] } else { 0.0 }))
 }
 
 /// Unit direction in the world from the eye to the center of each of sixteen cells from `cell` on; +Z where the cell is

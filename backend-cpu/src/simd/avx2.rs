@@ -139,6 +139,16 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn xor(a: Ints, b: Ints) -> Ints {
+        halves!(_mm256_xor_si256, i(a), i(b))
+    }
+
+    #[inline(always)]
+    fn lower<const N: u32>(a: Ints) -> Ints {
+        halves!(_mm256_srlv_epi32, i(a), i([N; 16]))
+    }
+
+    #[inline(always)]
     fn below(a: Ints, b: Ints) -> Masks {
         halves!(_mm256_cmpgt_epi32, i(b), i(a))
     }

@@ -136,6 +136,16 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn xor(a: Ints, b: Ints) -> Ints {
+        from(unsafe { _mm512_xor_si512(i(a), i(b)) })
+    }
+
+    #[inline(always)]
+    fn lower<const N: u32>(a: Ints) -> Ints {
+        from(unsafe { _mm512_srli_epi32::<N>(i(a)) })
+    }
+
+    #[inline(always)]
     fn below(a: Ints, b: Ints) -> Masks {
         wide(unsafe { _mm512_cmplt_epi32_mask(i(a), i(b)) })
     }

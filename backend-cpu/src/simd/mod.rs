@@ -124,6 +124,17 @@ pub(crate) trait Simd: Copy + Send + Sync {
     }
 
     #[inline(always)]
+    fn xor(a: Ints, b: Ints) -> Ints {
+        lanes!(i => a[i] ^ b[i])
+    }
+
+    /// The bits of each lane `N` places lower, with zeros above.
+    #[inline(always)]
+    fn lower<const N: u32>(a: Ints) -> Ints {
+        lanes!(i => (a[i] as u32 >> N) as i32)
+    }
+
+    #[inline(always)]
     fn below(a: Ints, b: Ints) -> Masks {
         lanes!(i => if a[i] < b[i] { YES } else { 0 })
     }
@@ -281,7 +292,7 @@ mod tests {
         }
         out.extend(S::and(less, S::below(n, m)));
         out.extend(S::or(less, S::equal(n, m)));
-        for ints in [S::plus(n, m), S::times(n, m), S::choose(less, n, m)] {
+        for ints in [S::plus(n, m), S::times(n, m), S::xor(n, m), S::lower::<3>(n), S::choose(less, n, m)] {
             out.extend(ints.map(|n| n as u32));
         }
         let finite = lanes!(i => if a[i].is_finite() { a[i] } else { 0.5 });
