@@ -2,15 +2,14 @@
 //! where a dispatch stands on its work axis, and how WGSL declares buffers and the textures of fields.
 
 use std::fmt::Write as _;
-use std::ops::Range;
 
 use airlight_core::device::{FieldFormat, Helper, KernelElement, KernelFile, KernelLanguage, KernelScalar};
 use airlight_core::device::{KernelStruct, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Stage, SweepParams};
+use airlight_core::stage::{Inject, Stage, SweepParams};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
-pub(crate) use reads::{TEXELS_ACROSS, words};
+pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
 
 mod reads;
 
@@ -117,7 +116,7 @@ pub(crate) struct Variant<'p> {
     pub(crate) filtered: bool,
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
-    /// Integers of the parameters that are known when it is built.
+    /// What is known of the parameters when it is built, where kernels copy them before all else.
     pub(crate) known: Option<&'p Numbers>,
 }
 
@@ -130,8 +129,8 @@ impl Default for Variant<'_> {
 /// Invocations of a workgroup on every device that the kernels run on.
 pub(crate) const UNITS: u32 = 64;
 
-/// The words of each integer of a kernel's parameters, in their order; nothing where they are left to the parameters.
-pub(crate) type Numbers = Vec<Option<Vec<u32>>>;
+/// What is known of each [`Place`] of a kernel's parameters, in their order; nothing where it is left to the parameters.
+pub(crate) type Numbers = Vec<Option<Fact>>;
 
 /// The kernel of a stage.
 #[derive(Debug)]
@@ -177,8 +176,12 @@ impl Source {
     pub(crate) fn text(&self, shapes: &[Shape], variant: Variant<'_>) -> Text {
         let Variant { units, fetched, filtered, gathers, known } = variant;
         let structs = self.recipe.prelude(WGSL, shapes);
-        let mut prelude = structs.clone() + &uniforms(self.recipe.params) + &WGSL.integer("UNITS", units);
+        let mut prelude = structs.clone()
+            + &uniforms(self.recipe.params)
+            + &kept(self.recipe.params, known)
+            + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
+        prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
@@ -215,21 +218,21 @@ pub(crate) fn index_binding(index: usize) -> u32 {
     slab_binding(index, 1)
 }
 
-/// Where the integers of a kernel's parameters stand among their words; of none, those of `sources_toward`.
-pub(crate) fn integers(source: Option<&Source>) -> Vec<Range<usize>> {
+/// What kernels may know of their parameters; of none, those of `sources_toward`.
+pub(crate) fn places(source: Option<&Source>) -> Vec<Place> {
     let (structs, params) = match source {
         Some(source) => (source.recipe.structs.iter().map(|text| text(WGSL)).collect(), source.recipe.params),
         None => (SweepParams::text(WGSL), SweepParams::NAME),
     };
-    reads::integers(&structs, params).into_iter().map(|(_, at)| at).collect()
+    reads::places(&structs, params).into_iter().map(|(_, place)| place).collect()
 }
 
-/// A kernel's text, with the integers of its parameters as numbers where they are known. Lines stay where they are.
+/// A kernel's text, with what is known of its parameters where it copies them. Lines stay where they are.
 fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbers>) -> Text {
     if let Some(known) = known {
-        let integers = reads::integers(structs, params).into_iter().zip(known);
-        let integers: Vec<_> = integers.filter_map(|((name, _), words)| Some((name, &words.as_ref()?[..]))).collect();
-        text.whole = reads::replaced(&text.whole, &integers);
+        let places = reads::places(structs, params).into_iter().zip(known);
+        let facts: Vec<_> = places.filter_map(|((name, _), fact)| Some((name, fact.as_ref()?))).collect();
+        text.whole = reads::kept(&text.whole, &facts);
     }
     text
 }
@@ -241,6 +244,11 @@ pub(crate) fn uniforms(params: &str) -> String {
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
         + NUMBER
         + DIVIDE
+}
+
+/// Where kernels copy their parameters to, if they do.
+fn kept(params: &str, known: Option<&Numbers>) -> String {
+    known.map(|_| format!("var<private> kept_params: {params};\n")).unwrap_or_default()
 }
 
 fn buffer(shape: &Shape, index: usize) -> String {
@@ -328,7 +336,10 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
 pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
     let mut text = Text::default();
     let structs = SweepParams::text(WGSL);
-    let mut prelude = structs.clone() + &uniforms(SweepParams::NAME) + &WGSL.integer("UNITS", variant.units);
+    let mut prelude = structs.clone()
+        + &uniforms(SweepParams::NAME)
+        + &kept(SweepParams::NAME, variant.known)
+        + &WGSL.integer("UNITS", variant.units);
     for (index, shape) in shapes.iter().enumerate() {
         prelude += &match shape.kind {
             ShapeKind::Write => buffer(shape, index),
