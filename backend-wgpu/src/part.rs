@@ -26,7 +26,7 @@ pub(crate) struct Key {
     pub(crate) known: Option<Numbers>,
 }
 
-/// Which kernels are built for the integers of their parameters, where that pays.
+/// What kernels are built to know of their parameters, where that pays: integers, and which floats are zero or grey.
 ///
 /// Mesa's software driver runs both sides of every condition; and it rebuilds kernels for uniforms that conditions depend on,
 /// with every dispatch. Kernels that are built for the numbers have no such conditions. Building takes as long as many

@@ -116,7 +116,8 @@ pub(crate) struct Variant<'p> {
     pub(crate) filtered: bool,
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
-    /// What is known of the parameters when it is built, where kernels copy them before all else.
+    /// What is known of the parameters when it is built, where kernels copy them before all else and an invocation of `inject`
+    /// takes as many columns as share exponentials: on drivers that run on processors.
     pub(crate) known: Option<&'p Numbers>,
 }
 
@@ -182,6 +183,7 @@ impl Source {
             + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
+        prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }

@@ -1,5 +1,6 @@
 //! `read_NAME`, by which kernels read an element of a buffer that they do not write.
 
+use std::iter;
 use std::ops::Range;
 
 use airlight_core::device::{KernelElement, KernelScalar, Shape};
@@ -111,8 +112,7 @@ impl Fact {
                 }
             },
             Self::Zero => format!(" kept_params.{name} = vec4<f32>();"),
-            Self::Grey => format!(" kept_params.{name} = params.{name}.xxxw;"),
-            Self::Colored => String::new(),
+            Self::Grey | Self::Colored => String::new(),
         }
     }
 }
@@ -130,6 +130,16 @@ pub(crate) fn places<'t>(structs: &'t str, name: &str) -> Vec<(&'t str, Place)> 
         at = end;
     }
     found
+}
+
+/// For each of the places of four floats of a struct of parameters, whether its first three are known to be the same. Only
+/// kernels that say what follows give the same bits with and without it: drivers rearrange sums of what they see to be equal.
+pub(crate) fn greys(structs: &str, name: &str, known: &[Option<Fact>]) -> String {
+    let places = places(structs, name).into_iter().zip(known.iter().map(Option::as_ref).chain(iter::repeat(None)));
+    let floats = places.filter(|((_, place), _)| matches!(place, Place::Floats(_)));
+    let grey = floats
+        .map(|((name, _), fact)| WGSL.truth(&format!("grey_{name}"), matches!(fact, Some(Fact::Zero | Fact::Grey))));
+    grey.collect()
 }
 
 /// A kernel's text that copies its parameters into `kept_params` before all else, and writes over them what is known. Lines stay
@@ -201,12 +211,15 @@ mod tests {
         let text =
             "fn f() -> f32 { return params.b * my_params.c; }\n@compute\nfn k(a: u32) {\n    let x = params.some;\n}\n";
         let expected = "fn f() -> f32 { return kept_params.b * my_params.c; }\n@compute\nfn k(a: u32) { kept_params = params; \
-                        kept_params.a = params.a.xxxw; kept_params.some = 7u; kept_params.d = vec4<u32>(1u, 2u, 3u, 4u); \
+                        kept_params.some = 7u; kept_params.d = vec4<u32>(1u, 2u, 3u, 4u); \
                         kept_params.e = vec4<f32>();\n    let x = kept_params.some;\n}\n";
         assert_eq!(kept(text, &known), expected);
         words[2] = 8;
         assert_eq!(found[0].1.fact(&words), Fact::Colored);
-        assert_eq!(Fact::Colored.statement("a"), "");
+        let known: Vec<_> = facts.into_iter().map(|(_, fact)| Some(fact)).collect();
+        let grey = |a, e| format!("const grey_a: bool = {a};\nconst grey_e: bool = {e};\n");
+        assert_eq!(greys(structs, "P", &known), grey(true, true));
+        assert_eq!(greys(structs, "P", &[]), grey(false, false));
     }
 
     #[test]
