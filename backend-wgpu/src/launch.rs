@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use airlight_core::device::DeviceError;
-use bytemuck::Zeroable;
 use wgpu::{BindGroup, Buffer, ComputePass, QuerySet};
 
 use crate::batch::UNIFORM;
@@ -13,6 +12,9 @@ use crate::pipeline::Pipeline;
 use crate::source::Launch;
 use crate::store::Bound;
 use crate::texels::Copy;
+
+/// The least stride of workgroups.
+const STRIDE: u32 = 31;
 
 /// A piece of a dispatch.
 #[derive(Debug)]
@@ -72,6 +74,18 @@ pub(crate) fn record(
     gpu.record(what, commands)
 }
 
+/// By how many of so many workgroups one follows the other: what visits all of them, and any run of them all over the work.
+fn stride(groups: u32) -> u32 {
+    let shares = |n: u32| {
+        let (mut a, mut b) = (groups, n);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a > 1
+    };
+    (STRIDE..).find(|&n| !shares(n)).unwrap_or(1)
+}
+
 /// What launches bind: the parameters and where each dispatch stands, whose workgroups are told too; and buffers and
 /// textures of each shot.
 struct Ready {
@@ -100,7 +114,8 @@ impl Launches<'_> {
             let workgroups = count.div_ceil(self.units);
             let across = workgroups.min(most).max(1);
             let first = shot.first;
-            let launch = Launch { start, count, first, across, infinity: f32::INFINITY, ..Launch::zeroed() };
+            let (groups, stride) = (workgroups, stride(workgroups));
+            let launch = Launch { start, count, first, across, infinity: f32::INFINITY, groups, stride, unused: 0 };
             (gpu.batch.push_params(bytemuck::bytes_of(&launch)), [across, workgroups.div_ceil(across)])
         };
         let dispatches = self.dispatches().map(place).collect();
@@ -147,5 +162,20 @@ impl Launches<'_> {
             let count = self.sequential.unwrap_or(shot.range.len() as u32);
             self.units_of(shot).map(move |unit| (shot, unit, count))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strides_visit_every_workgroup() {
+        for groups in [1, 2, 30, 31, 62, 768, 31 * 32 * 33] {
+            let stride = u64::from(stride(groups));
+            let mut seen = vec![false; groups as usize];
+            (0..u64::from(groups)).for_each(|n| seen[(n * stride % u64::from(groups)) as usize] = true);
+            assert!(seen.iter().all(|seen| *seen), "{groups}");
+        }
     }
 }

@@ -28,12 +28,12 @@ kernel_struct! {
         across: U32,
         /// Infinity, which WGSL has no way to write.
         infinity: F32,
+        /// Workgroups that have work.
+        groups: U32,
+        /// Every so many of them are numbered in a row, where the driver gives each core a run of them.
+        stride: U32,
         /// Unused.
-        unused_0: U32,
-        /// Unused.
-        unused_1: U32,
-        /// Unused.
-        unused_2: U32,
+        unused: U32,
     }
 }
 
@@ -49,6 +49,14 @@ kernel_struct! {
 
 /// Number of a workgroup within its dispatch, which may be a plane of them.
 const NUMBER: &str = "fn number(id: vec3<u32>) -> u32 {\n    return id.y * launch.across + id.x;\n}\n";
+
+/// The same where each core of a driver gets a run of workgroups, of which some runs may be longer work than others.
+const SPREAD: &str = "\
+fn number(id: vec3<u32>) -> u32 {
+    let n = id.y * launch.across + id.x;
+    return select(divide(n * launch.stride, launch.groups).y, n, n >= launch.groups);
+}
+";
 
 /// Quotient and rest of integers whose quotient is below 2²². Software drivers divide vectors of integers one by one, and
 /// floats at once: their quotient is at most one off.
@@ -173,12 +181,17 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
+    /// Whether some runs of workgroups are much longer work than others: rays that meet a mesh, or do not.
+    fn uneven(&self) -> bool {
+        self.alone && self.recipe.helpers.contains(&Helper::Mesh)
+    }
+
     /// The text for bindings of these shapes.
     pub(crate) fn text(&self, shapes: &[Shape], variant: Variant<'_>) -> Text {
         let Variant { units, fetched, filtered, gathers, known } = variant;
         let structs = self.recipe.prelude(WGSL, shapes);
         let mut prelude = structs.clone()
-            + &uniforms(self.recipe.params)
+            + &uniforms(self.recipe.params, known.is_some() && self.uneven())
             + &kept(self.recipe.params, known)
             + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
@@ -239,12 +252,12 @@ fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbe
     text
 }
 
-/// The parameters, and where the dispatch stands.
-pub(crate) fn uniforms(params: &str) -> String {
+/// The parameters, and where the dispatch stands, whose workgroups are `spread` over what there is to do.
+pub(crate) fn uniforms(params: &str, spread: bool) -> String {
     Launch::text(WGSL)
         + &format!("@group(0) @binding(0) var<uniform> params: {params};\n")
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
-        + NUMBER
+        + if spread { SPREAD } else { NUMBER }
         + DIVIDE
 }
 
@@ -327,7 +340,7 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
         FieldFormat::Rgba => ("rgba32float", 4),
     };
     let mut text = Text::default();
-    let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME);
+    let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME, false);
     let prelude = prelude + &WGSL.integer("UNITS", units) + &WGSL.integer("WORDS", words);
     text.push("generated", &prelude);
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
@@ -339,7 +352,7 @@ pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
     let mut text = Text::default();
     let structs = SweepParams::text(WGSL);
     let mut prelude = structs.clone()
-        + &uniforms(SweepParams::NAME)
+        + &uniforms(SweepParams::NAME, false)
         + &kept(SweepParams::NAME, variant.known)
         + &WGSL.integer("UNITS", variant.units);
     for (index, shape) in shapes.iter().enumerate() {
