@@ -9,11 +9,11 @@ use crate::batch::UNIFORM;
 use crate::gpu::Gpu;
 use crate::groups::{Entry, Groups};
 use crate::pipeline::Pipeline;
-use crate::source::Launch;
+use crate::source::{Launch, RUN};
 use crate::store::Bound;
 use crate::texels::Copy;
 
-/// The least stride of workgroups.
+/// The least stride of runs of workgroups.
 const STRIDE: u32 = 31;
 
 /// A piece of a dispatch.
@@ -74,10 +74,10 @@ pub(crate) fn record(
     gpu.record(what, commands)
 }
 
-/// By how many of so many workgroups one follows the other: what visits all of them, and any run of them all over the work.
-fn stride(groups: u32) -> u32 {
+/// By how many of so many runs of workgroups one follows the other: what visits all of them, and any part of them all over the work.
+fn stride(runs: u32) -> u32 {
     let shares = |n: u32| {
-        let (mut a, mut b) = (groups, n);
+        let (mut a, mut b) = (runs.max(1), n);
         while b > 0 {
             (a, b) = (b, a % b);
         }
@@ -114,8 +114,9 @@ impl Launches<'_> {
             let workgroups = count.div_ceil(self.units);
             let across = workgroups.min(most).max(1);
             let first = shot.first;
-            let (groups, stride) = (workgroups, stride(workgroups));
-            let launch = Launch { start, count, first, across, infinity: f32::INFINITY, groups, stride, unused: 0 };
+            let runs = workgroups / RUN;
+            let launch =
+                Launch { start, count, first, across, infinity: f32::INFINITY, runs, stride: stride(runs), unused: 0 };
             (gpu.batch.push_params(bytemuck::bytes_of(&launch)), [across, workgroups.div_ceil(across)])
         };
         let dispatches = self.dispatches().map(place).collect();
@@ -170,12 +171,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strides_visit_every_workgroup() {
-        for groups in [1, 2, 30, 31, 62, 768, 31 * 32 * 33] {
-            let stride = u64::from(stride(groups));
-            let mut seen = vec![false; groups as usize];
-            (0..u64::from(groups)).for_each(|n| seen[(n * stride % u64::from(groups)) as usize] = true);
-            assert!(seen.iter().all(|seen| *seen), "{groups}");
+    fn strides_visit_every_run() {
+        for runs in [1, 2, 30, 31, 62, 96, 31 * 32 * 33] {
+            let stride = u64::from(stride(runs));
+            let mut seen = vec![false; runs as usize];
+            (0..u64::from(runs)).for_each(|n| seen[(n * stride % u64::from(runs)) as usize] = true);
+            assert!(seen.iter().all(|seen| *seen), "{runs}");
         }
+        assert!(stride(0) > 0);
     }
 }

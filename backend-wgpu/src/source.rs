@@ -28,9 +28,9 @@ kernel_struct! {
         across: U32,
         /// Infinity, which WGSL has no way to write.
         infinity: F32,
-        /// Workgroups that have work.
-        groups: U32,
-        /// Every so many of them are numbered in a row, where the driver gives each core a run of them.
+        /// Runs of [`RUN`] workgroups that have work.
+        runs: U32,
+        /// By how many of them one follows the other, where the driver gives each core as many workgroups in a row.
         stride: U32,
         /// Unused.
         unused: U32,
@@ -50,11 +50,15 @@ kernel_struct! {
 /// Number of a workgroup within its dispatch, which may be a plane of them.
 const NUMBER: &str = "fn number(id: vec3<u32>) -> u32 {\n    return id.y * launch.across + id.x;\n}\n";
 
-/// The same where each core of a driver gets a run of workgroups, of which some runs may be longer work than others.
+/// Workgroups that stay together where they are spread, because neighbours look up the same.
+pub(crate) const RUN: u32 = 8;
+
+/// The same where each core of a driver gets as many workgroups in a row, of which some may be much longer work than others.
 const SPREAD: &str = "\
 fn number(id: vec3<u32>) -> u32 {
     let n = id.y * launch.across + id.x;
-    return select(divide(n * launch.stride, launch.groups).y, n, n >= launch.groups);
+    let run = divide(n / 8u * launch.stride, max(launch.runs, 1u)).y;
+    return select(run * 8u + n % 8u, n, n >= launch.runs * 8u);
 }
 ";
 
@@ -181,9 +185,9 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
-    /// Whether some runs of workgroups are much longer work than others: rays that meet a mesh, or do not.
+    /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
     fn uneven(&self) -> bool {
-        self.alone && self.recipe.helpers.contains(&Helper::Mesh)
+        self.recipe.helpers.contains(&Helper::Mesh)
     }
 
     /// The text for bindings of these shapes.
