@@ -105,8 +105,7 @@ impl Steady {
     ) -> Numbers {
         let habit = self.habits.entry(key.clone()).or_insert_with(|| Habit::new(places()));
         let (numbers, since) = habit.note(params, self.waits);
-        let stands = since + Self::WAITS <= self.waits
-            && built < Self::MOST;
+        let stands = since + Self::WAITS <= self.waits && built < Self::MOST;
         if stands { numbers } else { vec![None; numbers.len()] }
     }
 }
