@@ -186,11 +186,12 @@ fn walk(path: ptr<function, Path>) {
     let grid = blocks();
     let last = min(ray.steps, f32(params.step_end));
     var k = f32(params.step_begin);
-    while k < last {
-        let transmittance = (*path).transmittance;
-        if max(max(transmittance.x, transmittance.y), transmittance.z) < params.cut {
-            break;
-        }
+    var radiance = (*path).radiance;
+    var transmittance = (*path).transmittance;
+    var stopped = (*path).stopped;
+    var stopped_at = (*path).stopped_at;
+    // One condition, and no other way out: software drivers keep a mask for each.
+    while (k < last) & !(max(max(transmittance.x, transmittance.y), transmittance.z) < params.cut) {
         let t = middle(ray, k);
         if has_occupancy {
             let next = skip(ray, t, k, grid);
@@ -205,19 +206,28 @@ fn walk(path: ptr<function, Path>) {
         if scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0 {
             light = gathered(at, &basis) + scattered_light(at, &basis) + direct(at, direction, t);
         }
-        var share = 0.0;
-        for (var c = 0u; c < 3u; c++) {
-            let extinction = here.extinction[c];
-            let piece = segment(extinction * ray.step);
-            let sent = here.scattering[c] * light[c] + here.emission[c];
-            (*path).radiance[c] += transmittance[c] * ray.step * piece.y * sent;
-            share += transmittance[c] * (extinction * ray.step * piece.y);
-            (*path).transmittance[c] = transmittance[c] * piece.x;
+        let tau = here.extinction * ray.step;
+        let red = segment(tau.x);
+        var green = red;
+        var blue = red;
+        if !grey_extinction {
+            green = segment(tau.y);
+            blue = segment(tau.z);
         }
-        (*path).stopped += share;
-        (*path).stopped_at += share * t;
+        let pieces = vec3<f32>(red.y, green.y, blue.y);
+        let sent = here.scattering * light + here.emission;
+        let shares = transmittance * (tau * pieces);
+        let share = shares.x + shares.y + shares.z;
+        radiance += transmittance * ray.step * pieces * sent;
+        transmittance *= vec3<f32>(red.x, green.x, blue.x);
+        stopped += share;
+        stopped_at += share * t;
         k += 1.0;
     }
+    (*path).radiance = radiance;
+    (*path).transmittance = transmittance;
+    (*path).stopped = stopped;
+    (*path).stopped_at = stopped_at;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.
@@ -272,6 +282,9 @@ fn scattered_light(at: vec3<f32>, basis: ptr<function, array<f32, HARMONICS_MAX>
 // J from each light.
 fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
+    if !has_lights {
+        return sum;
+    }
     var depths = vec4<f32>(0.0);
     var away = vec3<f32>(0.0);
     if params.phong.w > 0.0 {

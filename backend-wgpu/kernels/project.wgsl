@@ -27,10 +27,14 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     let channels = max(params.channels, params.weight_channels);
     let values = params.coefficients * channels;
     let glow_values = params.emission_coefficients * 3u;
+    let used = (values + glow_values + LANES - 1u) / LANES;
     var sums: array<f32, SLOTS>;
     if params.direction_begin > 0u {
         // The sums of the passes before.
         for (var slot = 0u; slot < SLOTS; slot++) {
+            if slot >= used {
+                break;
+            }
             let v = slot * LANES + lane;
             if v < values {
                 sums[slot] = records[place * values + v];
@@ -56,6 +60,9 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
             }
             workgroupBarrier();
             for (var slot = 0u; slot < SLOTS; slot++) {
+            if slot >= used {
+                break;
+            }
                 let v = slot * LANES + lane;
                 if v < values {
                     sums[slot] = sum_record(sums[slot], v, channels, first, batch);
@@ -67,6 +74,9 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         }
     }
     for (var slot = 0u; slot < SLOTS; slot++) {
+            if slot >= used {
+                break;
+            }
         let v = slot * LANES + lane;
         if v < values {
             records[place * values + v] = sums[slot];

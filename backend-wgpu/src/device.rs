@@ -113,7 +113,7 @@ impl WgpuDevice {
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
         if self.texels {
             let words = bytemuck::cast_slice(params);
-            key.known = self.steady.known(&key, words, || part.integers(), self.pipelines.len());
+            key.known = Some(self.steady.known(&key, words, || part.places(), self.pipelines.len()));
         }
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok((Arc::clone(pipeline), variant.fetched));
@@ -123,12 +123,7 @@ impl WgpuDevice {
             let (text, shapes) = (part.text(&key.shapes, variant), (&key.shapes[..], variant.fetched));
             Pipeline::of_stage(&self.gpu, part.name, &text, shapes, self.sampler.as_ref())
         };
-        let built = match build(variant) {
-            // With numbers in place of fields an expression of a condition that does not hold may be refused.
-            Err(DeviceError::Backend(_)) if variant.known.is_some() => build(Variant { known: None, ..variant }),
-            built => built,
-        };
-        let (built, fetched) = (Arc::new(built?), variant.fetched);
+        let (built, fetched) = (Arc::new(build(variant)?), variant.fetched);
         self.pipelines.insert(key, Arc::clone(&built));
         Ok((built, fetched))
     }

@@ -8,7 +8,7 @@ use airlight_core::stage::{Stage, Sweep};
 
 use crate::WgpuDevice;
 use crate::memory::Resource;
-use crate::source::{self, Fetched, Numbers, Shape, Text, Variant};
+use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant};
 
 /// Memory of our own, for what kernels of a stage hand to each other. Executors count ids from 0.
 const SCRATCH: ResourceId = ResourceId(u32::MAX);
@@ -22,11 +22,11 @@ pub(crate) struct Key {
     pub(crate) shapes: Vec<Shape>,
     pub(crate) fetched: Fetched,
     pub(crate) gathers: bool,
-    /// Integers of the parameters that it was built for.
+    /// What it was built to know of the parameters, where kernels copy them.
     pub(crate) known: Option<Numbers>,
 }
 
-/// Which kernels are built for the integers of their parameters, where that pays.
+/// What kernels are built to know of their parameters, where that pays: integers, and which floats are zero or grey.
 ///
 /// Mesa's software driver runs both sides of every condition; and it rebuilds kernels for uniforms that conditions depend on,
 /// with every dispatch. Kernels that are built for the numbers have no such conditions. Building takes as long as many
@@ -39,30 +39,30 @@ pub(crate) struct Steady {
     habits: HashMap<Key, Habit>,
 }
 
-/// The integers of a kernel's dispatches.
+/// The parameters of a kernel's dispatches.
 #[derive(Debug)]
 struct Habit {
-    /// Where they stand among the words of the parameters.
-    places: Vec<Range<usize>>,
+    /// What kernels may know.
+    places: Vec<Place>,
     /// What was dispatched, with nothing where it had too many values, and the wait before.
     seen: Vec<(Numbers, u64)>,
     loose: Vec<bool>,
 }
 
 impl Habit {
-    /// The most values of an integer that kernels are built for: one each of two uses in a frame.
+    /// The most values of a place that kernels are built for: one each of two uses in a frame.
     const VALUES: usize = 2;
     /// The most numbers that are remembered.
     const SEEN: usize = 16;
 
-    fn new(places: Vec<Range<usize>>) -> Self {
+    fn new(places: Vec<Place>) -> Self {
         Self { loose: vec![false; places.len()], places, seen: Vec::new() }
     }
 
     /// The numbers of a dispatch, as kernels may be built for them, and the wait since which they stand.
     fn note(&mut self, params: &[u32], wait: u64) -> (Numbers, u64) {
         let values = self.places.iter().zip(&self.loose);
-        let mut numbers: Numbers = values.map(|(at, loose)| (!loose).then(|| params[at.clone()].to_vec())).collect();
+        let mut numbers: Numbers = values.map(|(place, loose)| (!loose).then(|| place.fact(params))).collect();
         if let Some(known) = self.seen.iter().find(|(seen, _)| *seen == numbers) {
             return known.clone();
         }
@@ -95,20 +95,18 @@ impl Steady {
         self.waits += 1;
     }
 
-    /// The numbers that a kernel had better be built for, where so many kernels are `built`; `places` tells of it where its
-    /// integers stand among the words of `params`.
+    /// What a kernel had better be built to know of `params`, where so many kernels are `built`; `places` tells what it may.
     pub(crate) fn known(
         &mut self,
         key: &Key,
         params: &[u32],
-        places: impl FnOnce() -> Vec<Range<usize>>,
+        places: impl FnOnce() -> Vec<Place>,
         built: usize,
-    ) -> Option<Numbers> {
-        if !self.habits.contains_key(key) {
-            self.habits.insert(key.clone(), Habit::new(places()));
-        }
-        let (numbers, since) = self.habits.get_mut(key)?.note(params, self.waits);
-        (since + Self::WAITS <= self.waits && built < Self::MOST).then_some(numbers)
+    ) -> Numbers {
+        let habit = self.habits.entry(key.clone()).or_insert_with(|| Habit::new(places()));
+        let (numbers, since) = habit.note(params, self.waits);
+        let stands = since + Self::WAITS <= self.waits && built < Self::MOST;
+        if stands { numbers } else { vec![None; numbers.len()] }
     }
 }
 
@@ -150,9 +148,9 @@ impl Part {
         }
     }
 
-    /// Where the integers of the parameters stand among their words.
-    pub(crate) fn integers(&self) -> Vec<Range<usize>> {
-        source::integers(self.source.as_ref())
+    /// What the kernel may know of the parameters.
+    pub(crate) fn places(&self) -> Vec<Place> {
+        source::places(self.source.as_ref())
     }
 
     /// The kernel's text.
@@ -237,28 +235,40 @@ impl WgpuDevice {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::Fact;
 
-    /// Of each dispatch two numbers, of which the second is of two words.
-    fn known(steady: &mut Steady, params: [u32; 4]) -> Option<Numbers> {
-        let key = Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None };
-        steady.known(&key, &params, || vec![0..1, 2..4], 0)
+    fn key() -> Key {
+        Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None }
+    }
+
+    /// Of each dispatch two places, of which the second is of two words.
+    fn places() -> Vec<Place> {
+        vec![Place::Integers(0..1), Place::Integers(2..4)]
+    }
+
+    fn known(steady: &mut Steady, params: [u32; 4]) -> Numbers {
+        steady.known(&key(), &params, places, 0)
+    }
+
+    fn words(words: &[u32]) -> Option<Fact> {
+        Some(Fact::Words(words.to_vec()))
     }
 
     #[test]
     fn kernels_are_built_for_numbers_that_stood_over_two_waits() {
         let mut steady = Steady::default();
-        let numbers = Some(vec![Some(vec![1]), Some(vec![2, 3])]);
-        assert_eq!(known(&mut steady, [1, 8, 2, 3]), None);
+        let nothing = vec![None, None];
+        let numbers = vec![words(&[1]), words(&[2, 3])];
+        assert_eq!(known(&mut steady, [1, 8, 2, 3]), nothing);
         steady.waited();
-        assert_eq!(known(&mut steady, [1, 9, 2, 3]), None, "the rest of a first frame");
+        assert_eq!(known(&mut steady, [1, 9, 2, 3]), nothing, "the rest of a first frame");
         steady.waited();
         assert_eq!(known(&mut steady, [1, 8, 2, 3]), numbers);
-        assert_eq!(known(&mut steady, [1, 8, 2, 4]), None);
+        assert_eq!(known(&mut steady, [1, 8, 2, 4]), nothing);
         assert_eq!(known(&mut steady, [1, 8, 2, 3]), numbers, "another use of the same frame");
         (0..2).for_each(|_| steady.waited());
-        assert_eq!(known(&mut steady, [1, 8, 2, 4]), Some(vec![Some(vec![1]), Some(vec![2, 4])]));
-        let key = Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None };
-        assert_eq!(steady.known(&key, &[1, 8, 2, 3], Vec::new, Steady::MOST), None);
+        assert_eq!(known(&mut steady, [1, 8, 2, 4]), [words(&[1]), words(&[2, 4])]);
+        assert_eq!(steady.known(&key(), &[1, 8, 2, 3], places, Steady::MOST), nothing);
     }
 
     #[test]
@@ -266,7 +276,7 @@ mod tests {
         let mut steady = Steady::default();
         for frame in 0..9 {
             let numbers = known(&mut steady, [frame, 0, 7, 7]);
-            assert_eq!(numbers, (frame >= 2).then(|| vec![None, Some(vec![7, 7])]), "{frame}");
+            assert_eq!(numbers, [None, words(&[7, 7]).filter(|_| frame >= 2)], "{frame}");
             steady.waited();
         }
     }

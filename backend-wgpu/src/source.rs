@@ -2,15 +2,14 @@
 //! where a dispatch stands on its work axis, and how WGSL declares buffers and the textures of fields.
 
 use std::fmt::Write as _;
-use std::ops::Range;
 
 use airlight_core::device::{FieldFormat, Helper, KernelElement, KernelFile, KernelLanguage, KernelScalar};
 use airlight_core::device::{KernelStruct, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Stage, SweepParams};
+use airlight_core::stage::{Inject, Stage, SweepParams};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
-pub(crate) use reads::{TEXELS_ACROSS, words};
+pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
 
 mod reads;
 
@@ -29,12 +28,12 @@ kernel_struct! {
         across: U32,
         /// Infinity, which WGSL has no way to write.
         infinity: F32,
+        /// Runs of [`RUN`] workgroups that have work.
+        runs: U32,
+        /// By how many of them one follows the other, where the driver gives each core as many workgroups in a row.
+        stride: U32,
         /// Unused.
-        unused_0: U32,
-        /// Unused.
-        unused_1: U32,
-        /// Unused.
-        unused_2: U32,
+        unused: U32,
     }
 }
 
@@ -50,6 +49,18 @@ kernel_struct! {
 
 /// Number of a workgroup within its dispatch, which may be a plane of them.
 const NUMBER: &str = "fn number(id: vec3<u32>) -> u32 {\n    return id.y * launch.across + id.x;\n}\n";
+
+/// Workgroups that stay together where they are spread, because neighbours look up the same.
+pub(crate) const RUN: u32 = 8;
+
+/// The same where each core of a driver gets as many workgroups in a row, of which some may be much longer work than others.
+const SPREAD: &str = "\
+fn number(id: vec3<u32>) -> u32 {
+    let n = id.y * launch.across + id.x;
+    let run = divide(n / 8u * launch.stride, max(launch.runs, 1u)).y;
+    return select(run * 8u + n % 8u, n, n >= launch.runs * 8u);
+}
+";
 
 /// Quotient and rest of integers whose quotient is below 2²². Software drivers divide vectors of integers one by one, and
 /// floats at once: their quotient is at most one off.
@@ -117,7 +128,8 @@ pub(crate) struct Variant<'p> {
     pub(crate) filtered: bool,
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
-    /// Integers of the parameters that are known when it is built.
+    /// What is known of the parameters when it is built, where kernels copy them before all else and an invocation of `inject`
+    /// takes as many columns as share exponentials: on drivers that run on processors.
     pub(crate) known: Option<&'p Numbers>,
 }
 
@@ -130,8 +142,8 @@ impl Default for Variant<'_> {
 /// Invocations of a workgroup on every device that the kernels run on.
 pub(crate) const UNITS: u32 = 64;
 
-/// The words of each integer of a kernel's parameters, in their order; nothing where they are left to the parameters.
-pub(crate) type Numbers = Vec<Option<Vec<u32>>>;
+/// What is known of each [`Place`] of a kernel's parameters, in their order; nothing where it is left to the parameters.
+pub(crate) type Numbers = Vec<Option<Fact>>;
 
 /// The kernel of a stage.
 #[derive(Debug)]
@@ -173,12 +185,22 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
+    /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
+    fn uneven(&self) -> bool {
+        self.recipe.helpers.contains(&Helper::Mesh)
+    }
+
     /// The text for bindings of these shapes.
     pub(crate) fn text(&self, shapes: &[Shape], variant: Variant<'_>) -> Text {
         let Variant { units, fetched, filtered, gathers, known } = variant;
         let structs = self.recipe.prelude(WGSL, shapes);
-        let mut prelude = structs.clone() + &uniforms(self.recipe.params) + &WGSL.integer("UNITS", units);
+        let mut prelude = structs.clone()
+            + &uniforms(self.recipe.params, known.is_some() && self.uneven())
+            + &kept(self.recipe.params, known)
+            + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
+        prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
+        prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
@@ -215,32 +237,37 @@ pub(crate) fn index_binding(index: usize) -> u32 {
     slab_binding(index, 1)
 }
 
-/// Where the integers of a kernel's parameters stand among their words; of none, those of `sources_toward`.
-pub(crate) fn integers(source: Option<&Source>) -> Vec<Range<usize>> {
+/// What kernels may know of their parameters; of none, those of `sources_toward`.
+pub(crate) fn places(source: Option<&Source>) -> Vec<Place> {
     let (structs, params) = match source {
         Some(source) => (source.recipe.structs.iter().map(|text| text(WGSL)).collect(), source.recipe.params),
         None => (SweepParams::text(WGSL), SweepParams::NAME),
     };
-    reads::integers(&structs, params).into_iter().map(|(_, at)| at).collect()
+    reads::places(&structs, params).into_iter().map(|(_, place)| place).collect()
 }
 
-/// A kernel's text, with the integers of its parameters as numbers where they are known. Lines stay where they are.
+/// A kernel's text, with what is known of its parameters where it copies them. Lines stay where they are.
 fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbers>) -> Text {
     if let Some(known) = known {
-        let integers = reads::integers(structs, params).into_iter().zip(known);
-        let integers: Vec<_> = integers.filter_map(|((name, _), words)| Some((name, &words.as_ref()?[..]))).collect();
-        text.whole = reads::replaced(&text.whole, &integers);
+        let places = reads::places(structs, params).into_iter().zip(known);
+        let facts: Vec<_> = places.filter_map(|((name, _), fact)| Some((name, fact.as_ref()?))).collect();
+        text.whole = reads::kept(&text.whole, &facts);
     }
     text
 }
 
-/// The parameters, and where the dispatch stands.
-pub(crate) fn uniforms(params: &str) -> String {
+/// The parameters, and where the dispatch stands, whose workgroups are `spread` over what there is to do.
+pub(crate) fn uniforms(params: &str, spread: bool) -> String {
     Launch::text(WGSL)
         + &format!("@group(0) @binding(0) var<uniform> params: {params};\n")
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
-        + NUMBER
+        + if spread { SPREAD } else { NUMBER }
         + DIVIDE
+}
+
+/// Where kernels copy their parameters to, if they do.
+fn kept(params: &str, known: Option<&Numbers>) -> String {
+    known.map(|_| format!("var<private> kept_params: {params};\n")).unwrap_or_default()
 }
 
 fn buffer(shape: &Shape, index: usize) -> String {
@@ -317,7 +344,7 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
         FieldFormat::Rgba => ("rgba32float", 4),
     };
     let mut text = Text::default();
-    let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME);
+    let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME, false);
     let prelude = prelude + &WGSL.integer("UNITS", units) + &WGSL.integer("WORDS", words);
     text.push("generated", &prelude);
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
@@ -328,7 +355,10 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
 pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
     let mut text = Text::default();
     let structs = SweepParams::text(WGSL);
-    let mut prelude = structs.clone() + &uniforms(SweepParams::NAME) + &WGSL.integer("UNITS", variant.units);
+    let mut prelude = structs.clone()
+        + &uniforms(SweepParams::NAME, false)
+        + &kept(SweepParams::NAME, variant.known)
+        + &WGSL.integer("UNITS", variant.units);
     for (index, shape) in shapes.iter().enumerate() {
         prelude += &match shape.kind {
             ShapeKind::Write => buffer(shape, index),

@@ -65,7 +65,7 @@ pub(super) const UNITS: u32 = 64;
 const WGSL: KernelLanguage = KernelLanguage::Wgsl;
 
 fn prelude<P: KernelStruct>() -> String {
-    P::text(WGSL) + &uniforms(P::NAME)
+    P::text(WGSL) + &uniforms(P::NAME, false)
 }
 
 fn whole(generated: &str, name: &'static str, text: &str) -> Text {

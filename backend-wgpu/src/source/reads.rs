@@ -1,5 +1,6 @@
 //! `read_NAME`, by which kernels read an element of a buffer that they do not write.
 
+use std::iter;
 use std::ops::Range;
 
 use airlight_core::device::{KernelElement, KernelScalar, Shape};
@@ -63,35 +64,100 @@ fn word(kind: &str) -> bool {
     matches!(kind, "f32" | "u32")
 }
 
-/// The integers of a struct of parameters, which say what a kernel has to do: their names, and which of its words they are.
-pub(crate) fn integers<'t>(structs: &'t str, name: &str) -> Vec<(&'t str, Range<usize>)> {
+/// A field of parameters of which kernels may know something when they are built.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// One integer or four, which say what a kernel has to do: which of the words.
+    Integers(Range<usize>),
+    /// Four floats.
+    Floats(Range<usize>),
+}
+
+/// What is known of a field.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Fact {
+    /// The words of integers.
+    Words(Vec<u32>),
+    /// Floats are zero: something that there is not.
+    Zero,
+    /// The first three of the floats are the same: a color that is grey.
+    Grey,
+    /// Floats are neither.
+    Colored,
+}
+
+impl Place {
+    /// What parameters tell of it.
+    pub(crate) fn fact(&self, params: &[u32]) -> Fact {
+        match self {
+            Self::Integers(at) => Fact::Words(params[at.clone()].to_vec()),
+            Self::Floats(at) => match params[at.clone()] {
+                [0, 0, 0, 0] => Fact::Zero,
+                [x, y, z, _] if x == y && y == z => Fact::Grey,
+                _ => Fact::Colored,
+            },
+        }
+    }
+}
+
+impl Fact {
+    /// The statement by which a kernel learns it of the field `name`; nothing where it tells nothing.
+    fn statement(&self, name: &str) -> String {
+        match self {
+            Self::Words(words) => match &words[..] {
+                [word] => format!(" kept_params.{name} = {word}u;"),
+                words => {
+                    let words: Vec<_> = words.iter().map(|word| format!("{word}u")).collect();
+                    format!(" kept_params.{name} = vec4<u32>({});", words.join(", "))
+                }
+            },
+            Self::Zero => format!(" kept_params.{name} = vec4<f32>();"),
+            Self::Grey | Self::Colored => String::new(),
+        }
+    }
+}
+
+/// What kernels may know of a struct of parameters: names of fields, and where they stand.
+pub(crate) fn places<'t>(structs: &'t str, name: &str) -> Vec<(&'t str, Place)> {
     let (mut at, mut found) = (0, Vec::new());
     for (name, kind) in fields(structs, name) {
         let end = at + if word(kind) { 1 } else { 4 };
         if kind.contains("u32") {
-            found.push((name, at..end));
+            found.push((name, Place::Integers(at..end)));
+        } else if !word(kind) {
+            found.push((name, Place::Floats(at..end)));
         }
         at = end;
     }
     found
 }
 
-/// A text with numbers in place of the fields `params.NAME`.
-pub(crate) fn replaced(text: &str, known: &[(&str, &[u32])]) -> String {
+/// For each of the places of four floats of a struct of parameters, whether its first three are known to be the same. Only
+/// kernels that say what follows give the same bits with and without it: drivers rearrange sums of what they see to be equal.
+pub(crate) fn greys(structs: &str, name: &str, known: &[Option<Fact>]) -> String {
+    let places = places(structs, name).into_iter().zip(known.iter().map(Option::as_ref).chain(iter::repeat(None)));
+    let floats = places.filter(|((_, place), _)| matches!(place, Place::Floats(_)));
+    let grey = floats
+        .map(|((name, _), fact)| WGSL.truth(&format!("grey_{name}"), matches!(fact, Some(Fact::Zero | Fact::Grey))));
+    grey.collect()
+}
+
+/// A kernel's text that copies its parameters into `kept_params` before all else, and writes over them what is known. Lines stay
+/// where they are.
+pub(crate) fn kept(text: &str, known: &[(&str, &Fact)]) -> String {
     let mut parts = text.split("params.");
     let mut out = parts.next().unwrap_or_default().to_owned();
     for part in parts {
-        let end = part.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(part.len());
-        match known.iter().find(|(name, _)| *name == &part[..end]) {
-            Some((_, [value])) => out += &format!("{value}u{}", &part[end..]),
-            Some((_, values)) => {
-                let values: Vec<_> = values.iter().map(|value| format!("{value}u")).collect();
-                out += &format!("vec4<u32>({}){}", values.join(", "), &part[end..]);
-            }
-            None => out = out + "params." + part,
-        }
+        let within = out.ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_');
+        out += if within { "params." } else { "kept_params." };
+        out += part;
     }
-    out
+    let Some(body) = out.find("@compute").and_then(|entry| Some(entry + out[entry..].find(") {\n")? + 3)) else {
+        return out;
+    };
+    let facts: String = known.iter().map(|(name, fact)| fact.statement(name)).collect();
+    let (before, after) = out.split_at(body);
+    format!("{before} kept_params = params;{facts}{after}")
 }
 
 /// The body that puts a struct together from texels of four words, of which scalars take one each.
@@ -127,13 +193,33 @@ mod tests {
     }
 
     #[test]
-    fn integers_of_parameters_become_numbers_and_nothing_else_does() {
-        let text = "struct P {\n    a: vec4<f32>,\n    some: u32,\n    b: f32,\n    some_more: u32,\n    c: u32,\n    d: vec4<u32>,\n}\n";
-        assert_eq!(integers(text, "P"), [("some", 4..5), ("some_more", 6..7), ("c", 7..8), ("d", 8..12)]);
-        let known: [(&str, &[u32]); 3] = [("some", &[7]), ("some_more", &[9]), ("d", &[1, 2, 3, 4])];
-        let replaced =
-            replaced("if params.some < params.some_more + params.b * my_params.somewhere + params.d.w {", &known);
-        assert_eq!(replaced, "if 7u < 9u + params.b * my_params.somewhere + vec4<u32>(1u, 2u, 3u, 4u).w {");
+    fn kernels_copy_their_parameters_and_what_is_known_of_them() {
+        let structs = "struct P {\n    a: vec4<f32>,\n    some: u32,\n    b: f32,\n    c: u32,\n    d: vec4<u32>,\n    e: vec4<f32>,\n}\n";
+        let found = places(structs, "P");
+        let (floats, integers) = (Place::Floats, Place::Integers);
+        let expected = [
+            ("a", floats(0..4)),
+            ("some", integers(4..5)),
+            ("c", integers(6..7)),
+            ("d", integers(7..11)),
+            ("e", floats(11..15)),
+        ];
+        assert_eq!(found, expected);
+        let mut words = [9, 9, 9, 4, 7, 1, 8, 1, 2, 3, 4, 0, 0, 0, 0];
+        let facts: Vec<_> = found.iter().map(|(name, place)| (*name, place.fact(&words))).collect();
+        let known: Vec<_> = facts.iter().filter(|(name, _)| *name != "c").map(|(name, fact)| (*name, fact)).collect();
+        let text =
+            "fn f() -> f32 { return params.b * my_params.c; }\n@compute\nfn k(a: u32) {\n    let x = params.some;\n}\n";
+        let expected = "fn f() -> f32 { return kept_params.b * my_params.c; }\n@compute\nfn k(a: u32) { kept_params = params; \
+                        kept_params.some = 7u; kept_params.d = vec4<u32>(1u, 2u, 3u, 4u); \
+                        kept_params.e = vec4<f32>();\n    let x = kept_params.some;\n}\n";
+        assert_eq!(kept(text, &known), expected);
+        words[2] = 8;
+        assert_eq!(found[0].1.fact(&words), Fact::Colored);
+        let known: Vec<_> = facts.into_iter().map(|(_, fact)| Some(fact)).collect();
+        let grey = |a, e| format!("const grey_a: bool = {a};\nconst grey_e: bool = {e};\n");
+        assert_eq!(greys(structs, "P", &known), grey(true, true));
+        assert_eq!(greys(structs, "P", &[]), grey(false, false));
     }
 
     #[test]

@@ -54,14 +54,16 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                 let shapes = shapes(stage, slabs);
                 let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
                 let plain = Variant::default();
-                let places = integers(Some(&of(stage))).into_iter();
-                let ones: Numbers = places.map(|at| Some(vec![1; at.len()])).collect();
-                let known = Some(&ones);
+                let places = places(Some(&of(stage)));
+                let [nothing, zeros, ones] = [None, Some(0), Some(1)]
+                    .map(|word| -> Numbers { places.iter().map(|place| Some(place.fact(&[word?; 256]))).collect() });
                 let variants = [
                     plain,
                     Variant { filtered: true, ..plain },
                     Variant { gathers: true, ..plain },
-                    Variant { fetched: all, known, ..plain },
+                    Variant { fetched: all, known: Some(&nothing), ..plain },
+                    Variant { fetched: all, known: Some(&zeros), ..plain },
+                    Variant { fetched: all, known: Some(&ones), ..plain },
                 ];
                 for variant in variants {
                     if let Err(error) = module(&of(stage).text(&shapes, variant)) {
