@@ -87,9 +87,9 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
     // Where colors do not vary, rows of scalars are summed at once.
     let plain = inputs.scattering.is_empty() && inputs.emission_color.is_empty();
     if plain {
-        let sum = |field| sum::<S>(field, [begin, end], [lo, hi]);
-        density = sum(inputs.density);
-        (scatters, shines) = ([density; 3], [inputs.emission.map_or(density, sum); 3]);
+        density = sum::<S>(inputs.density, [begin, end], [lo, hi]);
+        let glow = inputs.emission.map_or(density, |emission| sum::<S>(emission, [begin, end], [lo, hi]));
+        (scatters, shines) = ([density; 3], [glow; 3]);
     }
     for k in (lo[2]..=hi[2]).filter(|_| !plain) {
         for j in lo[1]..=hi[1] {

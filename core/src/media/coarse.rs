@@ -76,7 +76,7 @@ fn means(values: &[f32], fine: IndexBox, coarse: IndexBox, side: i32) -> Vec<f32
 }
 
 fn coarse_tile(tile: &Tile, side: i32) -> Result<Tile, MediumError> {
-    if tile.origin.map(|i| i.rem_euclid(side)) != IVec3::ZERO || tile.side % side as u32 != 0 {
+    if tile.origin.map(|i| i.rem_euclid(side)) != IVec3::ZERO || !tile.side.is_multiple_of(side as u32) {
         let place = tile.origin.to_array();
         return Err(MediumError::Coarse(format!(
             "a tile of {} voxels a side at {place:?} does not divide into cubes of {side}",
