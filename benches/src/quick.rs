@@ -56,6 +56,8 @@ const UPLOAD: &str = "prepare/upload";
 const COMPILE: &str = "prepare/compile";
 const FIRST_FRAME: &str = "prepare/first-frame";
 
+/// Runs of a stage or frame after the first that are not timed: backends build kernels for what stays the same.
+const SETTLING: usize = 2;
 /// Runs are repeated until they have taken this long together,
 const ENOUGH: Duration = Duration::from_millis(200);
 /// but at least so often that one slow run does not move the median,
@@ -89,6 +91,7 @@ pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl
         let begin = Instant::now();
         rig.run(&stage)?;
         let first = begin.elapsed();
+        (0..SETTLING).try_for_each(|_| rig.run(&stage))?;
         let runs = repeat(|| Ok(()), |()| Ok(rig.run(&stage)?))?;
         let timing = Timing::new(format!("stage/{name}"), runs, Some((elements, unit)));
         compiling += first.saturating_sub(timing.median);
@@ -108,6 +111,7 @@ pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl
     for frame in Frame::ALL {
         // The first frame, which this renders, warms up.
         let mut next = frame.start(open()?)?;
+        (0..SETTLING).try_for_each(|_| next().map(drop))?;
         tell(Timing::new(format!("frame/{}", frame.name()), repeat(|| Ok(()), |()| Ok(next()?))?, pixels));
     }
     Ok(())

@@ -30,7 +30,7 @@ pub enum ExecError {
     /// The plan needs more memory than there is; nothing was allocated.
     #[error(
         "{device}: this needs {} of memory and {} may be used (largest: {largest}); densities of 16 \
-         bits (`quality.density`), a medium of fewer voxels, a smaller picture or fewer cells and bands need less",
+         bits (`quality.density`), a medium of fewer voxels (`medium.coarse`), a smaller picture or fewer cells and bands need less",
         Bytes(*needed),
         Bytes(*budget)
     )]
