@@ -28,7 +28,8 @@ impl<'a> Ground<'a> {
     /// Cells of a majorant whose floats packets can count.
     const MOST: usize = i32::MAX as usize / 2;
 
-    /// What is walked through with the largest extinction per unit of density and the least majorant where anything is; more cells than can be counted are refused.
+    /// What is walked through with the largest extinction per unit of density and the least majorant where anything is; more
+    /// cells than can be counted are refused.
     pub(crate) fn new(
         dims: [u32; 4],
         index: [[f32; 4]; 3],
