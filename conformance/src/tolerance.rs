@@ -80,11 +80,11 @@ tolerances! {
         "Directions are good to 2⁻²⁴, which 1.6 km make 10⁻⁴ m on a ball of 0.22 m: normals turn by 5·10⁻⁴, more toward \
          its rim." }
 
-    /// As [`STAGE`], of light as of surfaces.
-    LOCAL { 5e-5, 5e-3,
+    /// As [`STAGE`], of light as of surfaces on a device that may round a product and a sum as one.
+    CONTRACTED_NORMALS { 5e-5, 5e-3,
         "A normal is a difference of six densities, which are good to 2⁻²³ of themselves: down to a change of 10⁻⁵ of the \
          density it has a direction, good to a hundredth where it is least. Few samples of a picture lie where it is so level: \
-         6·10⁻⁶ of a picture where each operation rounds once, 2·10⁻⁵ where products and sums are rounded as one." }
+         6·10⁻⁶ of a picture where each operation rounds once, and 2·10⁻⁵ as measured where products and sums are rounded as one." }
 
     /// As [`STAGE`], of means.
     MEAN { 1e-5, 1e-5, "Means of up to a few hundred voxels in f32." }

@@ -118,12 +118,10 @@ pub(super) fn table_1(small: u32) -> Table {
                     records.solver = Solver::Sweep;
                 }
                 let whole = lit(volume.clone(), optics, records, small);
-                if saving == Saving::None {
-                    return moving(whole, dynamic);
-                }
                 let quality = Quality { scale: saving.by(), ..whole.quality };
                 let medium = saving.medium(&volume, &coarser);
-                moving(Scene { medium, quality, ..whole.clone() }, dynamic).beside(whole)
+                let frames = moving(Scene { medium, quality, ..whole.clone() }, dynamic);
+                if saving == Saving::None { frames } else { frames.beside(whole) }
             };
             rows.push(Row {
                 at: vec![cells.to_string(), dynamic.name().into(), saving.name().into()],

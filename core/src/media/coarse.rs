@@ -125,8 +125,7 @@ fn cover(values: &mut Values, origin: IVec3, tile: &Tile) {
 fn shrink(values: &mut Values, at: IVec3, brick: &Brick, side: i32) {
     let (at, side) = (at.to_array().map(|i| i as usize), side as usize);
     let count = 8 / side;
-    for (n, place) in (0..count * count * count).map(|n| (n, [n % count, n / count % count, n / count / count])) {
-        debug_assert!(n < 512 / side);
+    for place in (0..count * count * count).map(|n| [n % count, n / count % count, n / count / count]) {
         let [x, y, z] = place.map(|c| c * side);
         let lines = (0..side * side).map(|r| ((z + r / side) * 8 + y + r % side) * 8 + x);
         let sum: f64 = lines.flat_map(|from| &brick.values[from..][..side]).map(|&v| f64::from(v)).sum();
