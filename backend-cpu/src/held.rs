@@ -78,6 +78,13 @@ impl<'a> Held<'a> {
             let run: &[f32; LANES] = run.try_into().expect("as many as lanes");
             return F::splat(count as f32).gt(F::of(lanes!(i => i as f32))).select(F::of(*run), F::ZERO);
         }
+        if let Self::Halves(Halves(pairs, factor)) = *self
+            && cfg!(target_endian = "little")
+            && let Some(run) = bytemuck::cast_slice::<f32, u16>(pairs).get(at..at + LANES)
+        {
+            let run = F::of(lanes!(i => half(run[i]))) * factor;
+            return F::splat(count as f32).gt(F::of(lanes!(i => i as f32))).select(run, F::ZERO);
+        }
         F::of(lanes!(i => if i < count { self.one(at + i) } else { 0.0 }))
     }
 
@@ -153,26 +160,6 @@ impl<'a> Bricks<'a> {
         let bricks = I::<S>::of(lanes!(i => bricks[i].to_bits() as i32));
         let side = BrickLayout::SIDE as i32;
         bricks.times(self.pitch).plus(within[0]).plus(within[1].plus(within[2].times(side)).times(side))
-    }
-
-    /// See [`Scalars::uniform`](crate::kernels::field::Scalars::uniform).
-    #[inline(always)]
-    pub(crate) fn uniform(&self, lo: [u32; 3], hi: [u32; 3]) -> bool {
-        let (first, last) = (triple!(a => lo[a] >> Self::SHIFT), triple!(a => hi[a] >> Self::SHIFT));
-        let [x, y, z] = triple!(a => last[a] - first[a] + 1);
-        let brick = self.brick(first);
-        if brick >= self.constants || x.saturating_mul(y).saturating_mul(z) > BrickLayout::SAME {
-            return false;
-        }
-        let mut same = true;
-        for k in first[2]..=last[2] {
-            for j in first[1]..=last[1] {
-                for i in first[0]..=last[0] {
-                    same &= self.brick([i, j, k]) == brick;
-                }
-            }
-        }
-        same
     }
 
     /// See [`Scalars::empty`](crate::kernels::field::Scalars::empty).

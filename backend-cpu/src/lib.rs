@@ -6,6 +6,7 @@
 //! give the same bits.
 
 mod bare;
+mod columns;
 mod device;
 mod film;
 mod held;

@@ -25,6 +25,7 @@ const LANES: &str = "carries between memory and the lanes of packets";
 const ALONE: &str = "lanes walk together, and whatever else happens to them happens to one alone";
 const PLANE: &str =
     "a direction keeps its last two planes in the cache, with a border, so that packets load without asking";
+const COLUMNS: &str = "columns of voxels serve all cells of a row";
 const BLOCKS: &str = "a block of pixels reads those of the small film once";
 const TOGETHER: &str = "several lookups or exponentials of a packet, which wait less for each other";
 const GROUPS: &str = "lanes whose lookups fall between the same texels are looked up together";
@@ -49,12 +50,17 @@ const CPU: Backend = Backend {
         ("mesh", "new", CHECKED),
         ("mesh", "leaf", "a range of triangles, which loops elsewhere write out"),
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
-        ("reduce", "row_parts", "rows of scalars are summed at once"),
-        ("coarsen", "sum", "rows of scalars are summed at once"),
+        ("reduce", "filled", COLUMNS),
+        ("maximum", "touched", COLUMNS),
+        ("coarsen", "within", COLUMNS),
+        ("coarsen", "sums", COLUMNS),
+        ("coarsen", "colored", COLUMNS),
+        ("coarsen", "optics", COLUMNS),
+        ("field", "pitch", COLUMNS),
+        ("field", "stretch", COLUMNS),
         ("sky", "of", MEMORY),
-        ("reduce", "shares", "rows of scalars are summed at once"),
         ("field", "at", "generated elsewhere"),
-        ("field", "run", "rows of scalars are summed at once"),
+        ("field", "run", COLUMNS),
         ("upsample", "run", MEMORY),
         ("upsample", "new", BLOCKS),
         ("upsample", "span", BLOCKS),
@@ -87,6 +93,9 @@ const CPU: Backend = Backend {
         ("evaluate", "total", LANES),
         ("reconstruct", "run", MEMORY),
         ("reconstruct", "row", MEMORY),
+        ("reconstruct", "singles", LANES),
+        ("reconstruct", "single", LANES),
+        ("reconstruct", "each_its_own", LANES),
         ("reconstruct", "summed", LANES),
         ("reconstruct", "four", LANES),
         ("path", "turns", ALONE),
@@ -128,7 +137,6 @@ const CPU: Backend = Backend {
         ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
         ("field", "texel", "generated elsewhere"),
-        ("field", "uniform", "generated elsewhere"),
         ("field", "empty", "generated elsewhere"),
         ("field", "single", "what a path meets, it meets alone, and a packet of it would look up sixteen points"),
         ("field", "place", "the place of a lookup serves all layers"),
@@ -143,6 +151,8 @@ const CPU: Backend = Backend {
     ],
     lacks: &[
         ("coarsen", "share", "it is in reduce"),
+        ("maximum", "maximum", COLUMNS),
+        ("reduce", "mean", COLUMNS),
         ("upsample", "small", BLOCKS),
         ("upsample", "first", BLOCKS),
         ("upsample", "stands", BLOCKS),

@@ -7,15 +7,12 @@ use airlight_core::stage::{Coarsen, CoarsenParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
-use super::reduce::{row_parts, share};
+use super::reduce::{filled, share};
 use crate::Isa;
+use crate::columns::{Columns, Rows, spans, tasks};
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::F;
 use crate::simd::Simd;
-
-/// Cells that one task takes at the least.
-const TASK: usize = 16;
 
 const PLANES: usize = Coarsen::PLANES as usize;
 
@@ -45,56 +42,83 @@ pub(crate) fn run(stage: &Coarsen, range: Range<u32>, memory: &mut Memory<'_>, i
         emission_color: colors(stage.emission_color)?,
     };
     let begin = range.start as usize;
-    let mean = |index: u32| {
-        let (inputs, mut means) = (&inputs, [0.0; PLANES]);
-        let out = &mut means;
-        compiled_for!(isa, coarsen<S>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]));
-        means
-    };
-    let means: Vec<[f32; PLANES]> = range.into_par_iter().with_min_len(TASK).map(mean).collect();
+    let mut means = vec![[0.0; PLANES]; range.len()];
+    tasks(&mut means, begin, p.cells[0] as usize).into_par_iter().for_each(|(first, out)| {
+        let inputs = &inputs;
+        compiled_for!(isa, coarsen<S>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; PLANES]]));
+    });
     let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
     let cells = stage.params.cells[..3].iter().product::<u32>() as usize;
-    for (plane, out) in out.chunks_exact_mut(cells).take(PLANES).enumerate() {
+    out.par_chunks_exact_mut(cells).take(PLANES).enumerate().for_each(|(plane, out)| {
         out[begin..begin + means.len()].iter_mut().zip(&means).for_each(|(out, means)| *out = means[plane]);
-    }
+    });
     Ok(())
 }
 
-/// The sum over the voxels of a box, each weighed by the part of it that lies between two places.
+/// Extinction, albedo and emission of cells of a row, from `first` on.
 #[inline(always)]
-fn sum<S: Simd>(field: Scalars<'_>, [begin, end]: [[f32; 3]; 2], [lo, hi]: [[u32; 3]; 2]) -> f32 {
-    let mut sums = F::<S>::ZERO;
-    for k in lo[2]..=hi[2] {
-        for j in lo[1]..=hi[1] {
-            let weight = share(begin[1], end[1], j) * share(begin[2], end[2], k);
-            sums = sums + row_parts::<S>(field, [begin[0], end[0]], [lo[0], hi[0]], [j, k]) * weight;
-        }
-    }
-    sums.total()
-}
-
-/// Extinction, albedo and emission of a cell.
-#[inline(always)]
-fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
+fn coarsen<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; PLANES]]) {
     let p = inputs.p;
     let [x, y, ..] = p.cells;
-    let cell = [index % x, index / x % y, index / x / y];
-    let begin = [0, 1, 2].map(|a| cell[a] as f32 * p.cell[a]);
-    let end = [0, 1, 2].map(|a| (cell[a] + 1) as f32 * p.cell[a]);
-    let lo = [0, 1, 2].map(|a| (begin[a].floor() as u32).min(p.dims[a] - 1));
-    let hi = [0, 1, 2].map(|a| (end[a].ceil() as u32).clamp(1, p.dims[a]) - 1);
-    let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
+    let first = first as u32;
     // Where colors do not vary, rows of scalars are summed at once.
     let plain = inputs.scattering.is_empty() && inputs.emission_color.is_empty();
     if plain {
-        density = sum::<S>(inputs.density, [begin, end], [lo, hi]);
-        let glow = inputs.emission.map_or(density, |emission| sum::<S>(emission, [begin, end], [lo, hi]));
-        (scatters, shines) = ([density; 3], [glow; 3]);
+        let row = [first % x, first / x % y, first / x / y];
+        sums::<S>(p, inputs.density, row, 0, out);
+        if let Some(emission) = inputs.emission {
+            sums::<S>(p, emission, row, 1, out);
+        }
     }
-    for k in (lo[2]..=hi[2]).filter(|_| !plain) {
-        for j in lo[1]..=hi[1] {
-            let mut i = lo[0];
-            while i <= hi[0] {
+    for (index, out) in (first..).zip(out) {
+        let cell = [index % x, index / x % y, index / x / y];
+        if plain {
+            let [density, emission, ..] = *out;
+            let glow = if inputs.emission.is_some() { emission } else { density };
+            *out = optics(p, cell, density, [density; 3], [glow; 3]);
+        } else {
+            *out = colored(inputs, cell);
+        }
+    }
+}
+
+/// Where a cell begins and ends along an axis.
+#[inline(always)]
+fn within(p: &CoarsenParams, a: usize, n: u32) -> [f32; 2] {
+    [n as f32 * p.cell[a], (n + 1) as f32 * p.cell[a]]
+}
+
+/// The sums over the voxels of cells of a row, each weighed by the part of it that lies in the cell, to place `to` of each.
+#[inline(always)]
+fn sums<S: Simd>(
+    p: &CoarsenParams,
+    field: Scalars<'_>,
+    [column, j, k]: [u32; 3],
+    to: usize,
+    out: &mut [[f32; PLANES]],
+) {
+    let voxels = |a: usize, n: u32| filled(within(p, a, n), p.dims[a]);
+    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(p, 1, j), within(p, 2, k)] };
+    let mut columns = Columns::NONE;
+    for (cells, span) in spans(out.len(), |n| voxels(0, column + n)) {
+        columns.fill::<S>(field, span, &rows);
+        for n in cells {
+            let cell = column + n as u32;
+            out[n][to] += columns.sum::<S>(within(p, 0, cell), voxels(0, cell));
+        }
+    }
+}
+
+/// Extinction, albedo and emission of a cell where colors vary.
+fn colored(inputs: &Inputs<'_>, cell: [u32; 3]) -> [f32; PLANES] {
+    let p = inputs.p;
+    let within = [0, 1, 2].map(|a| within(p, a, cell[a]));
+    let voxels = [0, 1, 2].map(|a| filled(within[a], p.dims[a]));
+    let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
+    for k in voxels[2][0]..=voxels[2][1] {
+        for j in voxels[1][0]..=voxels[1][1] {
+            let mut i = voxels[0][0];
+            while i <= voxels[0][1] {
                 // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
                 let mut zeros = inputs.density.empty([i, j, k]);
                 if let Some(emission) = inputs.emission {
@@ -104,7 +128,7 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
                     i += zeros;
                     continue;
                 }
-                let w = share(begin[0], end[0], i) * share(begin[1], end[1], j) * share(begin[2], end[2], k);
+                let w = share(within[0], i) * share(within[1], j) * share(within[2], k);
                 let rho = inputs.density.texel([i, j, k]);
                 let n = ((k * p.dims[1] + j) * p.dims[0] + i) as usize;
                 let [mut own, mut glow] = [[rho; 3]; 2];
@@ -123,10 +147,20 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
             }
         }
     }
-    let [x, y, z] = [0, 1, 2].map(|a| (end[a].min(p.dims[a] as f32) - begin[a]).max(0.0));
+    optics(p, cell, density, scatters, shines)
+}
+
+/// What sums over a cell make of light in it.
+#[inline(always)]
+fn optics(p: &CoarsenParams, cell: [u32; 3], density: f32, scatters: [f32; 3], shines: [f32; 3]) -> [f32; PLANES] {
+    let [x, y, z] = [0, 1, 2].map(|a| {
+        let [begin, end] = within(p, a, cell[a]);
+        (end.min(p.dims[a] as f32) - begin).max(0.0)
+    });
     // A cell holds a part of a voxel at the least, but its sides are rounded.
     let volume = (x * y * z).max(1e-30);
     let on = p.emission[3];
+    let mut out = [0.0; PLANES];
     for c in 0..3 {
         let scattering = scatters[c] / volume * p.extinction[c] * p.albedo[c];
         let extinction = (density / volume * p.extinction[c] - on * scattering).max(0.0);
@@ -138,4 +172,5 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, index: u32, out: &mut [f32; PLANES]) {
         };
         out[6 + c] = shines[c] / volume * p.emission[c];
     }
+    out
 }

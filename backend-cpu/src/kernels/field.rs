@@ -211,12 +211,6 @@ pub(crate) struct Scalars<'a> {
     bricks: Option<Bricks<'a>>,
 }
 
-/// Texels along x, and how many there are.
-pub(crate) struct Run<S> {
-    pub(crate) texels: F<S>,
-    pub(crate) count: u32,
-}
-
 impl<'a> Scalars<'a> {
     /// The texels of a field, with at least one float behind them.
     pub(crate) fn new(memory: &'a [f32], spec: &FieldSpec) -> Self {
@@ -243,29 +237,31 @@ impl<'a> Scalars<'a> {
 
     /// Where a texel lies.
     #[inline(always)]
-    fn at(&self, [i, j, k]: [u32; 3]) -> usize {
+    pub(crate) fn at(&self, [i, j, k]: [u32; 3]) -> usize {
         match &self.bricks {
             None => (k as usize * self.dims[1] as usize + j as usize) * self.dims[0] as usize + i as usize,
             Some(bricks) => bricks.single([i, j, k]),
         }
     }
 
-    /// The texels along x, from one on to `last`, that lie in its block of bricks, also where there are none: sums over
-    /// runs are those of every layout. Zeros behind them.
+    /// From a texel of a block to the next one along y and z.
     #[inline(always)]
-    pub(crate) fn run<S: Simd>(&self, from: [u32; 3], last: u32) -> Run<S> {
-        let empty = self.empty(from);
-        if empty > 0 {
-            return Run { texels: F::ZERO, count: empty };
-        }
-        let count = (last - from[0] + 1).min(BrickLayout::BLOCK - from[0] % BrickLayout::BLOCK);
-        Run { texels: self.texels.run(self.at(from), count as usize), count }
+    pub(crate) fn pitch(&self) -> [usize; 2] {
+        let row = if self.bricks.is_some() { BrickLayout::SIDE as usize } else { self.dims[0] as usize };
+        [row, row * if self.bricks.is_some() { BrickLayout::SIDE as usize } else { self.dims[1] as usize }]
     }
 
-    /// Whether all blocks from that of one texel to that of another are few and share a brick of one value.
+    /// How many texels along x, from one on to `last`, lie one after the other, at most as many as lanes.
     #[inline(always)]
-    pub(crate) fn uniform(&self, lo: [u32; 3], hi: [u32; 3]) -> bool {
-        self.bricks.as_ref().is_some_and(|bricks| bricks.uniform(lo, hi))
+    pub(crate) fn stretch(&self, from: u32, last: u32) -> u32 {
+        let held = if self.bricks.is_some() { BrickLayout::BLOCK - from % BrickLayout::BLOCK } else { LANES as u32 };
+        held.min(last - from + 1)
+    }
+
+    /// Texels one after the other, from where one lies, and zeros behind them.
+    #[inline(always)]
+    pub(crate) fn run<S: Simd>(&self, at: usize, count: u32) -> F<S> {
+        self.texels.run(at, count as usize)
     }
 
     /// How many texels along x, from one on, lie in a block that holds zero.

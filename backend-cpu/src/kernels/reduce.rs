@@ -7,17 +7,21 @@ use airlight_core::stage::{Reduce, ReduceParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
-use super::maximum::maximum;
+use super::maximum::{probe, touched};
 use crate::Isa;
+use crate::columns::{Columns, Rows, spans, tasks};
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, lanes};
 use crate::simd::Simd;
 
 pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
     memory.take(stage.out)?;
     let (mut out, read) = memory.split();
     let p = &stage.params;
+    // Loops may turn as often as they need to: the last pass does all.
+    if p.row_end < Reduce::ALL_ROWS {
+        return Ok(());
+    }
     let density = read.scalars(stage.density)?;
     let other = match stage.other {
         Some(field) => Some(read.scalars(field)?),
@@ -25,89 +29,71 @@ pub(crate) fn run(stage: &Reduce, range: Range<u32>, memory: &mut Memory<'_>, is
     };
     let out: &mut [[f32; 2]] = bytemuck::cast_slice_mut(out.remove(0));
     let part = &mut out[range.start as usize..range.end as usize];
-    part.par_iter_mut().zip(range).for_each(|(place, index)| {
-        let (p, out): (&ReduceParams, _) = (p, place);
+    tasks(part, range.start as usize, p.coarse[0] as usize).into_par_iter().for_each(|(first, out)| {
         compiled_for!(
             isa,
             reduce<S>(
                 p: &ReduceParams,
                 density: Scalars<'_>,
                 other: Option<Scalars<'_>>,
-                index: u32,
-                out: &mut [f32; 2],
+                first: usize,
+                out: &mut [[f32; 2]],
             )
         );
     });
     Ok(())
 }
 
-/// Mean and maximum of a cell, from what the passes before left.
+/// Mean and maximum of cells of a row, from `first` on.
 #[inline(always)]
-fn reduce<S: Simd>(p: &ReduceParams, density: Scalars<'_>, other: Option<Scalars<'_>>, index: u32, out: &mut [f32; 2]) {
+fn reduce<S: Simd>(
+    p: &ReduceParams,
+    density: Scalars<'_>,
+    other: Option<Scalars<'_>>,
+    first: usize,
+    out: &mut [[f32; 2]],
+) {
     let [x, y, ..] = p.coarse;
-    let cell = [index % x, index / x % y, index / x / y];
-    let [sum, most] = if p.row_begin > 0 { *out } else { [0.0; 2] };
-    let mut most = most.max(maximum::<S>(p, density, cell));
-    if let Some(other) = other {
-        most = most.max(maximum::<S>(p, other, cell));
+    let [column, j, k] = [first as u32 % x, first as u32 / x % y, first as u32 / x / y];
+    let within = |a: usize, n: u32| [n as f32 * p.cell[a], (n + 1) as f32 * p.cell[a]];
+    // The maximum touches all voxels that the mean does.
+    let voxels = |a: usize, n: u32| if p.coarse[3] > 0 { filled(within(a, n), p.dims[a]) } else { touched(p, a, n) };
+    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(1, j), within(2, k)] };
+    let mut columns = Columns::NONE;
+    out.fill([0.0; 2]);
+    for (cells, span) in spans(out.len(), |n| voxels(0, column + n)) {
+        columns.fill::<S>(density, span, &rows);
+        for n in cells.clone() {
+            let (along, touched) = (within(0, column + n as u32), voxels(0, column + n as u32));
+            out[n][0] += columns.sum::<S>(along, filled(along, p.dims[0]));
+            out[n][1] = out[n][1].max(columns.most::<S>(touched));
+        }
+        if let Some(other) = other {
+            columns.fill::<S>(other, span, &rows);
+            for n in cells {
+                out[n][1] = out[n][1].max(columns.most::<S>(voxels(0, column + n as u32)));
+            }
+        }
     }
-    *out = [mean::<S>(p, density, cell, sum), most];
+    let size = |a: usize, [begin, end]: [f32; 2]| (end.min(p.dims[a] as f32) - begin).max(0.0);
+    for (n, out) in out.iter_mut().enumerate() {
+        let cell = [column + n as u32, j, k];
+        let weight = size(0, within(0, cell[0])) * size(1, within(1, j)) * size(2, within(2, k));
+        out[0] = if weight > 0.0 { out[0] / weight } else { 0.0 };
+        if p.coarse[3] > 0 {
+            out[1] = other.map_or(0.0, |other| probe(p, other, cell)).max(probe(p, density, cell));
+        }
+    }
 }
 
 /// The part of voxel `i` that lies between two places; voxel i fills i to i + 1.
 #[inline(always)]
-pub(crate) fn share(begin: f32, end: f32, i: u32) -> f32 {
+pub(crate) fn share([begin, end]: [f32; 2], i: u32) -> f32 {
     (end.min(i as f32 + 1.0) - begin.max(i as f32)).max(0.0)
 }
 
-/// The same of voxels from `i` on.
+/// The first and the last of so many voxels that lie between two places.
 #[inline(always)]
-fn shares<S: Simd>(begin: f32, end: f32, i: u32) -> F<S> {
-    let i = F::of(lanes!(n => n as f32)) + i as f32;
-    ((i + 1.0).min(F::splat(end)) - i.max(F::splat(begin))).max(F::ZERO)
-}
-
-/// Parts of the sum over a row of voxels, from one to another along x, each weighed by the part of it that lies between two
-/// places there.
-#[inline(always)]
-pub(crate) fn row_parts<S: Simd>(
-    field: Scalars<'_>,
-    [begin, end]: [f32; 2],
-    [first, last]: [u32; 2],
-    [j, k]: [u32; 2],
-) -> F<S> {
-    let (mut sums, mut i) = (F::<S>::ZERO, first);
-    while i <= last {
-        let run = field.run::<S>([i, j, k], last);
-        sums = sums + run.texels * shares(begin, end, i);
-        i += run.count;
-    }
-    sums
-}
-
-/// The mean of the voxels, each weighed by the part of it that lies in the cell: the sum so far with the rows of this
-/// pass, and in the last pass divided.
-#[inline(always)]
-fn mean<S: Simd>(p: &ReduceParams, field: Scalars<'_>, cell: [u32; 3], before: f32) -> f32 {
-    let begin = [0, 1, 2].map(|a| cell[a] as f32 * p.cell[a]);
-    let end = [0, 1, 2].map(|a| (cell[a] + 1) as f32 * p.cell[a]);
-    let lo = [0, 1, 2].map(|a| (begin[a].floor() as u32).min(p.dims[a] - 1));
-    let hi = [0, 1, 2].map(|a| (end[a].ceil() as u32).clamp(1, p.dims[a]) - 1);
-    let across = hi[1] - lo[1] + 1;
-    // What holds zero alone adds nothing.
-    let zero = field.uniform(lo, hi) && field.texel(lo) == 0.0;
-    let rows = if zero { 0 } else { across * (hi[2] - lo[2] + 1) };
-    let mut sum = before;
-    for row in p.row_begin..p.row_end.min(rows) {
-        let (j, k) = (lo[1] + row % across, lo[2] + row / across);
-        // Row by row, so that passes of some rows each add up to the same.
-        let weight = share(begin[1], end[1], j) * share(begin[2], end[2], k);
-        sum += row_parts::<S>(field, [begin[0], end[0]], [lo[0], hi[0]], [j, k]).total() * weight;
-    }
-    if p.row_end < Reduce::ALL_ROWS {
-        return sum;
-    }
-    let [x, y, z] = [0, 1, 2].map(|a| (end[a].min(p.dims[a] as f32) - begin[a]).max(0.0));
-    let weight = x * y * z;
-    if weight > 0.0 { sum / weight } else { 0.0 }
+pub(crate) fn filled([begin, end]: [f32; 2], voxels: u32) -> [u32; 2] {
+    [(begin.floor() as u32).min(voxels - 1), (end.ceil() as u32).clamp(1, voxels) - 1]
 }
