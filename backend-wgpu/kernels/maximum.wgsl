@@ -1,35 +1,42 @@
-// The maximum of the field FIELD over a coarse cell; instantiated for each field of `reduce`.
+// Sum and maximum of the field FIELD over a coarse cell; instantiated for each field of `reduce`.
 
-// The maximum over every voxel that a lookup in the widened cell can touch, or over probes: over the rows of this pass.
-fn maximum_FIELD(cell: vec3<u32>) -> f32 {
-    if params.coarse.w > 0u {
-        return probe_FIELD(cell);
-    }
+// The sum of the voxels, each weighed by the part of it that lies in the cell, and the maximum over every voxel that a lookup
+// in the widened cell can touch: those so far, with the rows of this pass. A maximum over probes touches no more than the cell.
+fn gathered_FIELD(cell: vec3<u32>, before: vec2<f32>) -> vec2<f32> {
     let margin = params.cell.w * params.cell.xyz + REDUCE_SLACK;
     let size = vec3<i32>(params.dims.xyz);
-    let begin = vec3<f32>(cell) * params.cell.xyz - 0.5 - margin;
-    let end = vec3<f32>(cell + 1u) * params.cell.xyz - 0.5 + margin;
-    let lo = vec3<i32>(within_FIELD(floor(begin), size));
-    let hi = vec3<i32>(within_FIELD(floor(end) + 1.0, size));
-    let across = u32(hi.y - lo.y + 1);
-    let rows = across * u32(hi.z - lo.z + 1);
-    if uniform_FIELD(lo, hi) {
-        return max(0.0, texel_FIELD(lo, size, 0));
+    let begin = vec3<f32>(cell) * params.cell.xyz;
+    let end = vec3<f32>(cell + 1u) * params.cell.xyz;
+    var lo = vec3<i32>(within_FIELD(floor(begin - 0.5 - margin), size));
+    var hi = vec3<i32>(within_FIELD(floor(end - 0.5 + margin) + 1.0, size));
+    if params.coarse.w > 0u {
+        lo = min(vec3<i32>(floor(begin)), size - 1);
+        hi = clamp(vec3<i32>(ceil(end)), vec3<i32>(1), size) - 1;
     }
-    var most = 0.0;
+    let across = u32(hi.y - lo.y + 1);
+    var rows = across * u32(hi.z - lo.z + 1);
+    // What holds zero alone adds nothing.
+    if uniform_FIELD(lo, hi) && texel_FIELD(lo, size, 0) == 0.0 {
+        rows = 0u;
+    }
+    var sum = before.x;
+    var most = before.y;
     for (var row = params.row_begin; row < min(params.row_end, rows); row++) {
         let j = lo.y + i32(row % across);
         let k = lo.z + i32(row / across);
+        let share_of_row = share(begin.y, end.y, j) * share(begin.z, end.z, k);
         for (var i = lo.x; i <= hi.x; i++) {
             let zeros = empty_FIELD(vec3<i32>(i, j, k));
             if zeros > 0 {
                 i += zeros - 1;
                 continue;
             }
-            most = max(most, texel_FIELD(vec3<i32>(i, j, k), size, 0));
+            let texel = texel_FIELD(vec3<i32>(i, j, k), size, 0);
+            sum += share(begin.x, end.x, i) * share_of_row * texel;
+            most = max(most, texel);
         }
     }
-    return most;
+    return vec2<f32>(sum, most);
 }
 
 // The maximum of n³ lookups, evenly spread over the cell: over the rows of this pass.

@@ -50,6 +50,7 @@ const CPU: Backend = Backend {
         ("mesh", "new", CHECKED),
         ("mesh", "leaf", "a range of triangles, which loops elsewhere write out"),
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
+        ("reduce", "within", COLUMNS),
         ("reduce", "filled", COLUMNS),
         ("maximum", "touched", COLUMNS),
         ("coarsen", "within", COLUMNS),
@@ -151,8 +152,7 @@ const CPU: Backend = Backend {
     ],
     lacks: &[
         ("coarsen", "share", "it is in reduce"),
-        ("maximum", "maximum", COLUMNS),
-        ("reduce", "mean", COLUMNS),
+        ("maximum", "gathered", COLUMNS),
         ("upsample", "small", BLOCKS),
         ("upsample", "first", BLOCKS),
         ("upsample", "stands", BLOCKS),

@@ -55,16 +55,15 @@ fn reduce<S: Simd>(
 ) {
     let [x, y, ..] = p.coarse;
     let [column, j, k] = [first as u32 % x, first as u32 / x % y, first as u32 / x / y];
-    let within = |a: usize, n: u32| [n as f32 * p.cell[a], (n + 1) as f32 * p.cell[a]];
     // The maximum touches all voxels that the mean does.
-    let voxels = |a: usize, n: u32| if p.coarse[3] > 0 { filled(within(a, n), p.dims[a]) } else { touched(p, a, n) };
-    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(1, j), within(2, k)] };
+    let voxels = |a: usize, n: u32| if p.coarse[3] > 0 { filled(within(p, a, n), p.dims[a]) } else { touched(p, a, n) };
+    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(p, 1, j), within(p, 2, k)] };
     let mut columns = Columns::NONE;
     out.fill([0.0; 2]);
     for (cells, span) in spans(out.len(), |n| voxels(0, column + n)) {
         columns.fill::<S>(density, span, &rows);
         for n in cells.clone() {
-            let (along, touched) = (within(0, column + n as u32), voxels(0, column + n as u32));
+            let (along, touched) = (within(p, 0, column + n as u32), voxels(0, column + n as u32));
             out[n][0] += columns.sum::<S>(along, filled(along, p.dims[0]));
             out[n][1] = out[n][1].max(columns.most::<S>(touched));
         }
@@ -75,11 +74,9 @@ fn reduce<S: Simd>(
             }
         }
     }
-    let size = |a: usize, [begin, end]: [f32; 2]| (end.min(p.dims[a] as f32) - begin).max(0.0);
     for (n, out) in out.iter_mut().enumerate() {
         let cell = [column + n as u32, j, k];
-        let weight = size(0, within(0, cell[0])) * size(1, within(1, j)) * size(2, within(2, k));
-        out[0] = if weight > 0.0 { out[0] / weight } else { 0.0 };
+        out[0] = mean(p, cell, out[0]);
         if p.coarse[3] > 0 {
             out[1] = other.map_or(0.0, |other| probe(p, other, cell)).max(probe(p, density, cell));
         }
@@ -90,6 +87,23 @@ fn reduce<S: Simd>(
 #[inline(always)]
 pub(crate) fn share([begin, end]: [f32; 2], i: u32) -> f32 {
     (end.min(i as f32 + 1.0) - begin.max(i as f32)).max(0.0)
+}
+
+/// The mean over a cell with this sum.
+#[inline(always)]
+fn mean(p: &ReduceParams, cell: [u32; 3], sum: f32) -> f32 {
+    let [x, y, z] = [0, 1, 2].map(|a| {
+        let [begin, end] = within(p, a, cell[a]);
+        (end.min(p.dims[a] as f32) - begin).max(0.0)
+    });
+    let weight = x * y * z;
+    if weight > 0.0 { sum / weight } else { 0.0 }
+}
+
+/// Where a cell begins and ends along an axis.
+#[inline(always)]
+fn within(p: &ReduceParams, a: usize, n: u32) -> [f32; 2] {
+    [n as f32 * p.cell[a], (n + 1) as f32 * p.cell[a]]
 }
 
 /// The first and the last of so many voxels that lie between two places.
