@@ -127,7 +127,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Shade(_) => (file!("shade.cl"), packets(1)),
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
         Stage::Upsample(_) => (file!("upsample.cl"), scalars(March::BLOCK * March::BLOCK)),
-        Stage::Accumulate(_) => (file!("accumulate.cl"), scalars(March::BLOCK * March::BLOCK)),
+        Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Coarsen(_) => (file!("coarsen.cl"), scalars(1)),
         Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
         Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
