@@ -25,6 +25,8 @@ typedef float4 F4;
 #define to_int(v) convert_int(v)
 #define to_uint(v) convert_uint(v)
 #define any_lane(m) (m)
+#define first_lane(v) (v)
+#define total(v) (v)
 #define largest_lane(v) (v)
 #define smallest_lane(v) (v)
 #define largest_index(v) (v)
@@ -89,6 +91,7 @@ typedef struct {
 #define fetch(from, i) LANES_OF(F, __global const float *, from, i)
 #define fetch_uint(from, i) LANES_OF(U, __global const uint *, from, i)
 #define fetch_ushort(from, i) LANES_OF(U, __global const ushort *, (__global const ushort *)(from), i)
+#define first_lane(v) ((v).s0)
 #define MEMBER 0u
 #define MEMBERS 1u
 #define TEAM_MEETS
@@ -173,6 +176,12 @@ int any_lane(M m) {
     return (two.x | two.y) != 0;
 }
 
+float total(F v) {
+    float4 four = v.lo + v.hi;
+    float2 two = four.lo + four.hi;
+    return two.x + two.y;
+}
+
 float largest_lane(F v) {
     float4 four = v.lo > v.hi ? v.lo : v.hi;
     float2 two = four.lo > four.hi ? four.lo : four.hi;
@@ -223,6 +232,13 @@ int any_lane(M m) {
     return (two.x | two.y) != 0;
 }
 
+float total(F v) {
+    float8 eight = v.lo + v.hi;
+    float4 four = eight.lo + eight.hi;
+    float2 two = four.lo + four.hi;
+    return two.x + two.y;
+}
+
 float largest_lane(F v) {
     float8 eight = v.lo > v.hi ? v.lo : v.hi;
     float4 four = eight.lo > eight.hi ? eight.lo : eight.hi;
@@ -262,6 +278,8 @@ INLINE F floored(F v) {
 #define INT_float4 convert_int
 #define FLOAT_float to_float
 #define FLOAT_float4 convert_float
+#define FIRST_float(v) first_lane(v)
+#define FIRST_float4(v) (v)
 #define COLORED_float 0
 #define COLORED_float4 1
 

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use airlight_core::device::{
-    DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
+    BrickLayout, DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
 };
 use airlight_core::kernel_struct;
 use airlight_core::stage::{Classify, Inject, March, Stage, SweepParams};
@@ -109,9 +109,11 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
     // A packet an item, of stages that work on packets.
     let packets = |elements: u32| ((elements, wide), wide);
     let scalars = |elements: u32| ((elements, 1), 1);
+    // A packet a run of texels, of stages that go along rows.
+    let rows = |elements: u32| ((elements, 1), if lanes == Lanes::One { 1 } else { BrickLayout::BLOCK });
     let (file, (items, width)) = match stage {
-        Stage::Reduce(_) => (file!("reduce.cl"), scalars(1)),
-        Stage::Project(_) => (file!("project.cl"), packets(1)),
+        Stage::Reduce(_) => (file!("reduce.cl"), rows(1)),
+        Stage::Project(_) => (file!("project.cl"), ((1, if lanes == Lanes::One { 1 } else { PROJECT_CHUNK * wide }), wide)),
         Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
         Stage::Relight(_) => (file!("relight.cl"), scalars(1)),
         Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
@@ -168,6 +170,9 @@ const TEAM: u32 = 256;
 
 /// Rows that a work-item of `evaluate` goes through together, as its kernel says.
 const EVALUATE_ROWS: u32 = 4;
+
+/// Packets of cells that a work-item of `project` takes, as its kernel says.
+const PROJECT_CHUNK: u32 = 4;
 
 /// Coefficients that a work-item of `sweep` adds up, as its kernel says.
 const SWEEP_TAKEN: u32 = 4;
