@@ -18,6 +18,7 @@ use ocl::core::{
 };
 
 use crate::source::entry_point;
+use crate::staged::Staged;
 
 /// Work-items of a workgroup, where the device and the kernel take so many.
 const WORKGROUP: usize = 64;
@@ -37,6 +38,7 @@ pub(crate) struct Cl {
     patience: Option<Duration>,
     /// Kernels that nobody has waited for, with their names.
     under_way: VecDeque<(Event, &'static str)>,
+    staged: Staged,
 }
 
 /// A kernel that was built.
@@ -128,7 +130,7 @@ impl Cl {
             core::create_context(None, &[device], None, None).map_err(|e| Fault::new("clCreateContext", &e))?;
         let queue = core::create_command_queue(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))
             .map_err(|e| Fault::new("clCreateCommandQueue", &e))?;
-        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new() })
+        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new(), staged: Staged::default() })
     }
 
     /// Fails where the device is gone.
@@ -167,19 +169,32 @@ impl Cl {
         Ok(mem)
     }
 
-    /// Writes into a buffer from `offset` on, after all work so far.
+    /// Writes into a buffer from `offset` on, after all work so far. What is small is copied and written later.
     pub(crate) fn write(&mut self, mem: &Mem, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.check()?;
         if data.is_empty() {
             return Ok(());
         }
+        let (at, call, bytes) = (offset as usize, "clEnqueueWriteBuffer", data.len() as u64);
+        if let Some(copy) = self.staged.copy(data) {
+            let mut event = Event::null();
+            // SAFETY: the copy is kept until the write is done, and the caller has checked that it fits.
+            #[allow(unsafe_code)]
+            let sent = unsafe {
+                core::enqueue_write_buffer(&self.queue, mem, false, at, &copy, None::<Event>, Some(&mut event))
+            };
+            self.done(call, bytes, sent)?;
+            self.staged.keep(event, copy);
+            return Ok(());
+        }
         self.wait_patiently()?;
-        let at = offset as usize;
         // SAFETY: the call blocks, so that the data outlive it, and the caller has checked that they fit.
         #[allow(unsafe_code)]
         let written =
             unsafe { core::enqueue_write_buffer(&self.queue, mem, true, at, data, None::<Event>, None::<&mut Event>) };
-        self.done("clEnqueueWriteBuffer", data.len() as u64, written)
+        self.done(call, bytes, written)?;
+        self.staged.clear();
+        Ok(())
     }
 
     /// Reads from a buffer from `offset` on, after all work so far.
@@ -194,7 +209,9 @@ impl Cl {
         #[allow(unsafe_code)]
         let read =
             unsafe { core::enqueue_read_buffer(&self.queue, mem, true, at, out, None::<Event>, None::<&mut Event>) };
-        self.done("clEnqueueReadBuffer", bytes, read)
+        self.done("clEnqueueReadBuffer", bytes, read)?;
+        self.staged.clear();
+        Ok(())
     }
 
     /// Copies `bytes` between two buffers.
@@ -362,7 +379,9 @@ impl Cl {
         self.check()?;
         self.wait_patiently()?;
         let waited = core::finish(&self.queue);
-        self.done("clFinish", 0, waited)
+        self.done("clFinish", 0, waited)?;
+        self.staged.clear();
+        Ok(())
     }
 
     /// Nanoseconds that a kernel ran, after it has.
