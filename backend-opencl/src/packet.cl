@@ -419,15 +419,18 @@ void put_row(F v, __global float *to, uint count) {
 }
 
 // Stores the first `count` lanes as four floats each, the last of them zero.
-void put_colors(F3 v, __global float *to, uint count) {
-    float x[WIDTH];
-    float y[WIDTH];
-    float z[WIDTH];
-    unpack(v.x, x);
-    unpack(v.y, y);
-    unpack(v.z, z);
+INLINE void put_colors(F3 v, __global float *to, uint count) {
+    float4 values[WIDTH];
+    together(f4(v, (F)(0.0f)), values);
+    if (count == WIDTH) {
+#pragma unroll
+        for (uint i = 0u; i < WIDTH; i++) {
+            vstore4(values[i], i, to);
+        }
+        return;
+    }
     for (uint i = 0u; i < count; i++) {
-        vstore4((float4)(x[i], y[i], z[i], 0.0f), i, to);
+        vstore4(values[i], i, to);
     }
 }
 

@@ -115,7 +115,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Reduce(_) => (file!("reduce.cl"), rows(1)),
         Stage::Project(_) => (file!("project.cl"), ((1, if lanes == Lanes::One { 1 } else { PROJECT_CHUNK * wide }), wide)),
         Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
-        Stage::Relight(_) => (file!("relight.cl"), scalars(1)),
+        Stage::Relight(_) => (file!("relight.cl"), packets(1)),
         Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Inject(_) => (
             file!("inject.cl"),

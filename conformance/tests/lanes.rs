@@ -7,11 +7,12 @@ use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
 /// Between them they take the branches that packets and scalars write differently.
-const CASES: [&str; 9] = [
+const CASES: [&str; 10] = [
     "stage::reduce::two_fields",
     "stage::reduce::probes",
     "stage::inject::gaussians_rotated",
     "stage::project::toward_eye_with_emission",
+    "stage::relight::layers_with_emission",
     "stage::trace::room",
     "stage::sweep::everything_between_surfaces",
     "stage::march::everything",
