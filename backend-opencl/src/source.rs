@@ -128,7 +128,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Trace(_) => (file!("trace.cl"), packets(1)),
         Stage::Shade(_) => (file!("shade.cl"), packets(1)),
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
-        Stage::Upsample(_) => (file!("upsample.cl"), scalars(March::BLOCK * March::BLOCK)),
+        Stage::Upsample(_) => (file!("upsample.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Coarsen(_) => (file!("coarsen.cl"), scalars(1)),
         Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),

@@ -7,7 +7,7 @@ use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
 /// Between them they take the branches that packets and scalars write differently.
-const CASES: [&str; 10] = [
+const CASES: [&str; 12] = [
     "stage::reduce::two_fields",
     "stage::reduce::probes",
     "stage::inject::gaussians_rotated",
@@ -18,6 +18,8 @@ const CASES: [&str; 10] = [
     "stage::march::everything",
     "stage::accumulate::eye_aside",
     "stage::accumulate::rims_moved",
+    "stage::upsample::half_size_rims",
+    "stage::upsample::quarter_size_normals",
 ];
 
 #[test]
