@@ -3,9 +3,11 @@
 //! What `ocl::core` panics at is avoided here or kept from it by the loader: buffers are never empty, no callback is
 //! given, and a status that it does not know never reaches it.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::ffi::CString;
 use std::mem;
+use std::slice;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -13,7 +15,7 @@ use airlight_core::device::DeviceError;
 use airlight_opencl_loader::{STAND_IN, take_unknown};
 use ocl::core::{
     self, ArgVal, CommandExecutionStatus, CommandQueue, CommandQueueProperties, Context, DeviceId, Error, Event,
-    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, Mem, MemFlags, ProfilingInfo, ProfilingInfoResult, Program,
+    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, MapFlags, Mem, MemFlags, MemMap, ProfilingInfo, ProfilingInfoResult, Program,
     ProgramBuildInfo, Status,
 };
 
@@ -42,6 +44,8 @@ pub(crate) struct Cl {
     /// Kernels that nobody has waited for, with their names.
     under_way: VecDeque<(Event, &'static str)>,
     staged: Staged,
+    /// Buffers that the host sees until the next command that may change one, and where.
+    seen: RefCell<Vec<(Mem, MemMap<u8>)>>,
 }
 
 /// A kernel that was built.
@@ -133,7 +137,7 @@ impl Cl {
             core::create_context(None, &[device], None, None).map_err(|e| Fault::new("clCreateContext", &e))?;
         let queue = core::create_command_queue(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))
             .map_err(|e| Fault::new("clCreateCommandQueue", &e))?;
-        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new(), staged: Staged::default() })
+        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new(), staged: Staged::default(), seen: RefCell::default() })
     }
 
     /// Fails where the device is gone.
@@ -178,6 +182,7 @@ impl Cl {
         if data.is_empty() {
             return Ok(());
         }
+        self.unsee()?;
         let (at, call, bytes) = (offset as usize, "clEnqueueWriteBuffer", data.len() as u64);
         if let Some(copy) = self.staged.copy(data) {
             let mut event = Event::null();
@@ -217,9 +222,48 @@ impl Cl {
         Ok(())
     }
 
+    /// The first bytes of a buffer where the host sees them; none while kernels are under way, and where a call fails.
+    pub(crate) fn view(&self, mem: &Mem, bytes: u64) -> Option<&[u8]> {
+        let len = usize::try_from(bytes).ok().filter(|len| *len > 0)?;
+        if self.lost.is_some() || !self.under_way.is_empty() {
+            return None;
+        }
+        let mut seen = self.seen.borrow_mut();
+        let before = seen.iter().find(|(of, _)| of.as_ptr() == mem.as_ptr()).map(|(_, map)| map.as_ptr());
+        let place = match before {
+            Some(place) => place,
+            None => {
+                let (flags, events) = (MapFlags::READ, None::<Event>);
+                // SAFETY: it is unmapped before any command that may change it, and the caller says how long it is.
+                #[allow(unsafe_code)]
+                let map = unsafe {
+                    core::enqueue_map_buffer(&self.queue, mem, true, flags, 0, len, events, None::<&mut Event>)
+                };
+                let map: MemMap<u8> = map.ok()?;
+                let place = map.as_ptr();
+                seen.push((mem.clone(), map));
+                place
+            }
+        };
+        // SAFETY: so many bytes are mapped until `unsee`, which needs this borrow to have ended.
+        #[allow(unsafe_code)]
+        Some(unsafe { slice::from_raw_parts(place, len) })
+    }
+
+    /// Gives what was seen back to the device, before a command that may change it.
+    fn unsee(&mut self) -> Result<(), DeviceError> {
+        for (mem, map) in self.seen.take() {
+            let unmapped =
+                core::enqueue_unmap_mem_object(&self.queue, &mem, &map, None::<Event>, None::<&mut Event>);
+            self.done("clEnqueueUnmapMemObject", 0, unmapped)?;
+        }
+        Ok(())
+    }
+
     /// Copies `bytes` between two buffers.
     pub(crate) fn copy(&mut self, from: &Mem, at: u64, to: &Mem, bytes: u64) -> Result<(), DeviceError> {
         self.check()?;
+        self.unsee()?;
         let (at, len) = (at as usize, bytes as usize);
         let copied = core::enqueue_copy_buffer::<u8, _, _, _>(
             &self.queue,
@@ -297,6 +341,7 @@ impl Cl {
         team: Option<u32>,
     ) -> Result<Event, DeviceError> {
         self.check()?;
+        self.unsee()?;
         for (index, arg) in (0..).zip(std::iter::once(&Arg::Bytes(constants)).chain(args)) {
             let value = match arg {
                 // SAFETY: the bytes outlive the call, which copies them.
