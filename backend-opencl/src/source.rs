@@ -130,7 +130,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
         Stage::Upsample(_) => (file!("upsample.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
-        Stage::Coarsen(_) => (file!("coarsen.cl"), scalars(1)),
+        Stage::Coarsen(_) => (file!("coarsen.cl"), rows(1)),
         Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
         Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
         Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),

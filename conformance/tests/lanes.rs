@@ -7,9 +7,11 @@ use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
 /// Between them they take the branches that packets and scalars write differently.
-const CASES: [&str; 12] = [
+const CASES: [&str; 14] = [
     "stage::reduce::two_fields",
     "stage::reduce::probes",
+    "stage::coarsen::own_emission",
+    "stage::coarsen::own_scattering",
     "stage::inject::gaussians_rotated",
     "stage::project::toward_eye_with_emission",
     "stage::relight::layers_with_emission",

@@ -188,6 +188,7 @@ const OPENCL: Backend = Backend {
     ending: "cl",
     own: &[
         ("reduce", "shares", "rows of scalars are summed at once"),
+        ("coarsen", "shares", "rows of scalars are summed at once"),
         ("field", "colors", LANES),
         ("field", "grouped", GROUPS),
         ("field", "between", GROUPS),
