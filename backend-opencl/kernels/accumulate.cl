@@ -1,5 +1,5 @@
-// `accumulate`: the mean of the medium over the pictures of a sequence. One work-item a packet of pixels, ACROSS by DOWN; those
-// of a block of BLOCK x BLOCK pixels are in a row.
+// `accumulate`: the mean of the medium over the pictures of a sequence. One work-item a packet of pixels, ACROSS by
+// DOWN; those of a block of BLOCK x BLOCK pixels are in a row.
 
 #define ACROSS (WIDTH == 1 ? 1u : BLOCK)
 #define DOWN (WIDTH / ACROSS)

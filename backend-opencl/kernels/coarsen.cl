@@ -1,5 +1,5 @@
-// `coarsen`: what a medium does to light, as means over the cells of a coarse grid. One work-item a cell, a packet a run of texels along
-// x where no color varies.
+// `coarsen`: what a medium does to light, as means over the cells of a coarse grid. One work-item a cell, a packet a run
+// of texels along x where no color varies.
 
 float share(float begin, float end, uint i);
 F shares(float begin, float end, uint i);

@@ -1,5 +1,5 @@
-// `project`: records of directional light at the cells of a coarse grid. One work-item CHUNK cells: it marches from a packet of those
-// that are not empty along one direction after the other, and adds each to the cells' records.
+// `project`: records of directional light at the cells of a coarse grid. One work-item CHUNK cells: it marches from
+// packets of those that are not empty along one direction after the other, and adds each to the cells' records.
 
 // Cells that a work-item takes: enough to fill packets between empty ones.
 #define CHUNK (WIDTH == 1 ? 1u : 4u * WIDTH)
@@ -109,7 +109,7 @@ float3 extinction(const Bound *bound) {
     return bound->params->channels == 3u ? bound->params->extinction.xyz : bound->params->extinction.xxx;
 }
 
-// Adds direction `i` to every value of the records of the lanes that are marked, each at its place behind the cell `first`.
+// Adds direction `i` to every value of the records of the lanes that are marked, each at its place behind cell `first`.
 void sum_record(const Bound *bound, size_t first, U place, const int *marked, uint i, F3 transmittance) {
     uint coefficients = bound->params->coefficients;
     uint of = bound->params->weight_channels;

@@ -1,5 +1,5 @@
-// `upsample`: the picture from a film of the medium alone. One work-item a packet of pixels, ACROSS by DOWN; those of a block of
-// BLOCK x BLOCK pixels are in a row.
+// `upsample`: the picture from a film of the medium alone. One work-item a packet of pixels, ACROSS by DOWN; those of
+// a block of BLOCK x BLOCK pixels are in a row.
 
 #define ACROSS (WIDTH == 1 ? 1u : BLOCK)
 #define DOWN (WIDTH / ACROSS)
@@ -155,7 +155,8 @@ Medium around(const Bound *bound, U x, U y, Small small, F distance) {
         F other = held(bound, small, sx, sy, 0u).w;
         F nearest = (F)(1e-6f);
         F farthest = (F)(1e30f);
-        F apart = fabs(1.0f / lesser(greater(distance, nearest), farthest) - 1.0f / lesser(greater(other, nearest), farthest));
+        F here = lesser(greater(distance, nearest), farthest);
+        F apart = fabs(1.0f / here - 1.0f / lesser(greater(other, nearest), farthest));
         M nearer = (other >= 0.0f) & (apart < least);
         least = nearer ? apart : least;
         at_x = nearer ? sx : at_x;
@@ -253,8 +254,8 @@ F3 behind(const Bound *bound, U x, U y, U pixel) {
                 float height = convert_float(bound->params->full_height);
                 F a = (to_float(x) + bound->subpixels[2u * s]) * (2.0f / width) - 1.0f;
                 F b = 1.0f - (to_float(y) + bound->subpixels[2u * s + 1u]) * (2.0f / height);
-                F3 toward = add3(add3(scale3(all3(bound->params->right.xyz), a), scale3(all3(bound->params->up.xyz), b)),
-                                 all3(bound->params->forward.xyz));
+                F3 aside = scale3(all3(bound->params->right.xyz), a);
+                F3 toward = add3(add3(aside, scale3(all3(bound->params->up.xyz), b)), all3(bound->params->forward.xyz));
                 F size = sqrt(dot3(toward, toward));
                 sky_color = sky(bound, f3(toward.x / size, toward.y / size, toward.z / size));
             }

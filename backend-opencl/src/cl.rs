@@ -15,8 +15,8 @@ use airlight_core::device::DeviceError;
 use airlight_opencl_loader::{STAND_IN, take_unknown};
 use ocl::core::{
     self, ArgVal, CommandExecutionStatus, CommandQueue, CommandQueueProperties, Context, DeviceId, Error, Event,
-    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, MapFlags, Mem, MemFlags, MemMap, ProfilingInfo, ProfilingInfoResult, Program,
-    ProgramBuildInfo, Status,
+    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, MapFlags, Mem, MemFlags, MemMap, ProfilingInfo,
+    ProfilingInfoResult, Program, ProgramBuildInfo, Status,
 };
 
 use crate::source::entry_point;
@@ -137,7 +137,16 @@ impl Cl {
             core::create_context(None, &[device], None, None).map_err(|e| Fault::new("clCreateContext", &e))?;
         let queue = core::create_command_queue(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))
             .map_err(|e| Fault::new("clCreateCommandQueue", &e))?;
-        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new(), staged: Staged::default(), seen: RefCell::default() })
+        Ok(Self {
+            context,
+            device,
+            queue,
+            lost: None,
+            patience: None,
+            under_way: VecDeque::new(),
+            staged: Staged::default(),
+            seen: RefCell::default(),
+        })
     }
 
     /// Fails where the device is gone.
@@ -253,8 +262,7 @@ impl Cl {
     /// Gives what was seen back to the device, before a command that may change it.
     fn unsee(&mut self) -> Result<(), DeviceError> {
         for (mem, map) in self.seen.take() {
-            let unmapped =
-                core::enqueue_unmap_mem_object(&self.queue, &mem, &map, None::<Event>, None::<&mut Event>);
+            let unmapped = core::enqueue_unmap_mem_object(&self.queue, &mem, &map, None::<Event>, None::<&mut Event>);
             self.done("clEnqueueUnmapMemObject", 0, unmapped)?;
         }
         Ok(())
@@ -454,7 +462,8 @@ impl Cl {
     }
 }
 
-/// Lets other threads run until a command is done, for a short time: what wakes up a thread that sleeps takes as long as a small kernel.
+/// Lets other threads run until a command is done, for a short time: a thread that sleeps takes as long to wake up as a
+/// small kernel runs.
 fn await_shortly(event: &Event) {
     let begin = Instant::now();
     // What fails is told by what waits for it.

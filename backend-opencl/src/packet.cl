@@ -1,7 +1,7 @@
 // Packets: WIDTH lanes side by side, which kernels work on whatever WIDTH is. F, I, U and M are floats, integers, unsigned
-// integers and truths, F2, F3 and F4 two, three and four floats a lane. A device that runs scalar work-items side by side has WIDTH 1, where they are
-// the language's own; one that has vector registers has as many lanes as they. `m ? a : b`, `&`, `|` and `!` of truths and
-// arithmetic are written alike for all.
+// integers and truths, F2, F3 and F4 two, three and four floats a lane. A device that runs scalar work-items side by side has
+// WIDTH 1, where they are the language's own; one that has vector registers has as many lanes as they. `m ? a : b`, `&`, `|` and
+// `!` of truths and arithmetic are written alike for all.
 
 #define PASTE(a, b) a##b
 #define OF_WIDTH(name, width) PASTE(name, width)
@@ -30,7 +30,7 @@ typedef float4 F4;
 #define largest_lane(v) (v)
 #define smallest_lane(v) (v)
 #define largest_index(v) (v)
-// What memory holds at each lane's index.
+// What memory holds at each lane's index; of `fetch_four` vectors of four.
 #define fetch(from, i) ((from)[i])
 #define fetch_uint(from, i) ((from)[i])
 #define fetch_four(from, i) ((from)[i])
@@ -121,6 +121,7 @@ typedef struct {
     float16 last;
 } Eight;
 
+// Of the first, second, third and fourth floats.
 INLINE Eight beside(float8 x, float8 y, float8 z, float8 w) {
     float16 xy;
     float16 zw;

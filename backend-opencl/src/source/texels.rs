@@ -16,7 +16,8 @@ pub(super) fn texels(shape: &Shape, width: u32) -> String {
     let _ = writeln!(
         out,
         "{value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{
-    TEXEL_{value} from = place_{name}(bound, (INDEX_{value})(at.x), (INDEX_{value})(at.y), (INDEX_{value})(at.z), size, layer);
+    TEXEL_{value} from =
+        place_{name}(bound, (INDEX_{value})(at.x), (INDEX_{value})(at.y), (INDEX_{value})(at.z), size, layer);
     return one_{name}(bound, FIRST_{value}(from.slab), FIRST_{value}(from.place));
 }}"
     );
@@ -34,7 +35,8 @@ fn run(shape: &Shape, width: u32) -> String {
     let halves = matches!(format, FieldFormat::Half { .. });
     let found = match () {
         () if width > 1 && slabs == 1 && !layered && halves => {
-            let bits = format!("to_uint(OF_WIDTH(vload, WIDTH)(0, (__global const ushort *)bound->{name}_0 + place)) << 16");
+            let bits =
+                format!("to_uint(OF_WIDTH(vload, WIDTH)(0, (__global const ushort *)bound->{name}_0 + place)) << 16");
             OPENCL.scaled(format, &format!("from_half({bits})"))
         }
         () if width > 1 && slabs == 1 && !layered => format!("pack(bound->{name}_0 + place)"),
