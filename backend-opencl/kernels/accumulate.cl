@@ -62,7 +62,7 @@ void run_accumulate(const Bound *bound) {
     Past now;
     now.radiance = add3(past.radiance, scale3(sub3(shines, past.radiance), share));
     now.transmittance = add3(past.transmittance, scale3(sub3(passes, past.transmittance), share));
-    now.depth = (before > 0.0f) & (added > 0.0f) ? both : either;
+    now.depth = ((before > 0.0f) & (added > 0.0f)) ? both : either;
     now.count = count + 1.0f;
     if (bound->params->mode == ACCUMULATE_AGAIN) {
         M again = past.count > 0.0f;
@@ -169,7 +169,7 @@ INLINE Past followed(const Bound *bound, U x, U y, F distance, F depth) {
     mean.radiance = pick3(found, radiance, none.radiance);
     mean.transmittance = pick3(found, through, none.transmittance);
     mean.count = found ? sum.count / weights : zero;
-    mean.depth = found & (stops > 0.0f) ? sum.depth / stops : none.depth;
+    mean.depth = (found & (stops > 0.0f)) ? sum.depth / stops : none.depth;
     mean.surface = found ? surface : none.surface;
     return mean;
 }

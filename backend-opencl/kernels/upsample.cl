@@ -186,7 +186,7 @@ INLINE U stands(Small small, U n, uint size) {
 
 // How far `n` is on its way from `a` to `b`.
 INLINE F part(U n, U a, U b) {
-    return (n > a) & (b > a) ? to_float(n - a) / to_float(b - a) : (F)(0.0f);
+    return ((n > a) & (b > a)) ? to_float(n - a) / to_float(b - a) : (F)(0.0f);
 }
 
 // How well surfaces of two distances fit.
