@@ -110,3 +110,20 @@ fn buffers_are_seen_in_place_between_one_stage_and_the_next() {
     device.destroy(out.id);
     assert!(device.view(out.id).is_none());
 }
+
+#[test]
+fn writes_that_nobody_waits_for_arrive_in_order_however_many_they_are() {
+    /// Words of a piece.
+    const PIECE: usize = 1 << 17;
+    let Some(mut device) = device() else { return };
+    let buf = empty::<u32>(&mut device, 0, 48 * PIECE);
+    // 24 MiB, more than may be on their way; the second round is written over the first.
+    for round in 0..2u32 {
+        for piece in 0..48u32 {
+            let data = vec![100 * round + piece; PIECE];
+            device.write(buf.id, 4 * (piece as usize * PIECE) as u64, bytemuck::cast_slice(&data)).unwrap();
+        }
+    }
+    let found = content(&mut device, buf);
+    assert!((100..).zip(found.chunks(PIECE)).all(|(value, piece)| piece.iter().all(|word| *word == value)));
+}
