@@ -1,211 +1,240 @@
-// `accumulate`: the mean of the medium over the pictures of a sequence. One work-item a pixel; those of a block of BLOCK x
-// BLOCK pixels are in a row.
+// `accumulate`: the mean of the medium over the pictures of a sequence. One work-item a packet of pixels, ACROSS by
+// DOWN; those of a block of BLOCK x BLOCK pixels are in a row.
 
-// What is kept of a pixel.
+#define ACROSS (WIDTH == 1 ? 1u : BLOCK)
+#define DOWN (WIDTH / ACROSS)
+
+// What is kept of each lane's pixel.
 typedef struct {
-    float3 radiance;
+    F3 radiance;
     // Pictures that it is the mean of.
-    float count;
-    float3 transmittance;
-    float depth;
-    float surface;
+    F count;
+    F3 transmittance;
+    F depth;
+    F surface;
 } Past;
 
-Past recalled(const Bound *bound, size_t at);
-Past followed(const Bound *bound, uint x, uint y, float4 light, float4 through);
-Past clamped(const Bound *bound, Past past, uint x, uint y);
-bool finite(float v);
-float fit(float a, float b);
-float stopped(float3 transmittance, float depth);
+INLINE Past recalled(const Bound *bound, U at);
+INLINE Past followed(const Bound *bound, U x, U y, F distance, F depth);
+INLINE Past clamped(const Bound *bound, Past past, uint x, uint y);
+INLINE M finite(F v);
+INLINE F fit(F a, F b);
+INLINE F stopped(F3 transmittance, F depth);
 
 void run_accumulate(const Bound *bound) {
     size_t n = number() / (BLOCK * BLOCK);
-    uint lane = (uint)(number() % (BLOCK * BLOCK));
+    uint first = (uint)(number() % (BLOCK * BLOCK)) / WIDTH;
     if (n >= bound->launch->count) {
         return;
     }
     uint block = bound->launch->start + (uint)n;
     uint width = bound->params->width;
+    uint height = bound->params->height;
     uint across = (width + BLOCK - 1u) / BLOCK;
-    uint x = block % across * BLOCK + lane % BLOCK;
-    uint y = block / across * BLOCK + lane / BLOCK;
-    if (x >= width || y >= bound->params->height) {
+    uint left = block % across * BLOCK + first % (BLOCK / ACROSS) * ACROSS;
+    uint top = block / across * BLOCK + first / (BLOCK / ACROSS) * DOWN;
+    U x = left + LANE % ACROSS;
+    U y = top + LANE / ACROSS;
+    M kept = (x < width) & (y < height);
+    if (!any_lane(kept)) {
         return;
     }
-    size_t at = (size_t)y * width + x;
-    float4 light = bound->medium[2u * at];
-    float4 through = bound->medium[2u * at + 1u];
+    // Lanes past the edge repeat the last pixels, and keep nothing.
+    x = x < width ? x : (U)(width - 1u);
+    y = y < height ? y : (U)(height - 1u);
+    U at = y * width + x;
+    F4 light = fetch_four(bound->medium, 2u * at);
+    F4 through = fetch_four(bound->medium, 2u * at + 1u);
     Past past;
     if (bound->params->mode == ACCUMULATE_MOVED) {
-        past = clamped(bound, followed(bound, x, y, light, through), x, y);
+        past = clamped(bound, followed(bound, x, y, light.w, through.w), left, top);
     } else {
         past = recalled(bound, at);
     }
-    float count = fmin(past.count, bound->params->most);
-    Past now = past;
-    if (bound->params->mode != ACCUMULATE_AGAIN || past.count == 0.0f) {
-        float share = 1.0f / (count + 1.0f);
-        now.radiance = past.radiance + (light.xyz - past.radiance) * share;
-        now.transmittance = past.transmittance + (through.xyz - past.transmittance) * share;
-        float before = count * stopped(past.transmittance, past.depth);
-        float added = stopped(through.xyz, through.w);
-        now.depth = INFINITY;
-        if (before > 0.0f && added > 0.0f) {
-            now.depth = past.depth + (through.w - past.depth) * (added / (before + added));
-        } else if (added > 0.0f) {
-            now.depth = through.w;
-        } else if (before > 0.0f) {
-            now.depth = past.depth;
-        }
-        now.count = count + 1.0f;
+    F3 shines = f3(light.x, light.y, light.z);
+    F3 passes = f3(through.x, through.y, through.z);
+    F count = lesser(past.count, (F)(bound->params->most));
+    F share = 1.0f / (count + 1.0f);
+    F before = count * stopped(past.transmittance, past.depth);
+    F added = stopped(passes, through.w);
+    F both = past.depth + (through.w - past.depth) * (added / (before + added));
+    F either = added > 0.0f ? through.w : (before > 0.0f ? past.depth : (F)(INFINITY));
+    Past now;
+    now.radiance = add3(past.radiance, scale3(sub3(shines, past.radiance), share));
+    now.transmittance = add3(past.transmittance, scale3(sub3(passes, past.transmittance), share));
+    now.depth = ((before > 0.0f) & (added > 0.0f)) ? both : either;
+    now.count = count + 1.0f;
+    if (bound->params->mode == ACCUMULATE_AGAIN) {
+        M again = past.count > 0.0f;
+        now.radiance = pick3(again, past.radiance, now.radiance);
+        now.transmittance = pick3(again, past.transmittance, now.transmittance);
+        now.depth = again ? past.depth : now.depth;
+        now.count = again ? past.count : now.count;
     }
-    if (light.w < 0.0f) {
-        // It was not marched.
-        now.radiance = light.xyz;
-        now.count = 0.0f;
-        now.transmittance = through.xyz;
-        now.depth = through.w;
-    }
-    bound->next[3u * at] = (float4)(now.radiance, now.count);
-    bound->next[3u * at + 1u] = (float4)(now.transmittance, now.depth);
-    bound->next[3u * at + 2u] = (float4)(light.w, 0.0f, 0.0f, 0.0f);
-    bound->mean[2u * at] = (float4)(now.radiance, light.w);
-    bound->mean[2u * at + 1u] = (float4)(now.transmittance, now.depth);
+    // It was not marched.
+    M bare = light.w < 0.0f;
+    now.radiance = pick3(bare, shines, now.radiance);
+    now.count = bare ? (F)(0.0f) : now.count;
+    now.transmittance = pick3(bare, passes, now.transmittance);
+    now.depth = bare ? through.w : now.depth;
+    put_four(bound->next, 3u * at, kept, f4(now.radiance, now.count));
+    put_four(bound->next, 3u * at + 1u, kept, f4(now.transmittance, now.depth));
+    put_four(bound->next, 3u * at + 2u, kept, f4(f3(light.w, (F)(0.0f), (F)(0.0f)), (F)(0.0f)));
+    put_eight(bound->mean, at, kept, now.radiance, light.w, now.transmittance, now.depth);
 }
 
-// The history of a pixel; none where it is not finite.
-Past recalled(const Bound *bound, size_t at) {
-    float4 a = bound->last[3u * at];
-    float4 b = bound->last[3u * at + 1u];
+// The history of pixels; none where it is not finite.
+INLINE Past recalled(const Bound *bound, U at) {
+    F4 a = fetch_four(bound->last, 3u * at);
+    F4 b = fetch_four(bound->last, 3u * at + 1u);
+    F surface = fetch((__global const float *)bound->last, 12u * at + 8u);
+    M have = finite(a.x) & finite(a.y) & finite(a.z) & finite(a.w) & finite(b.x) & finite(b.y) & finite(b.z);
+    F3 none = all3((float3)(0.0f));
     Past past;
-    past.radiance = a.xyz;
-    past.count = a.w;
-    past.transmittance = b.xyz;
-    past.depth = b.w;
-    past.surface = bound->last[3u * at + 2u].x;
-    if (!(finite(a.x) && finite(a.y) && finite(a.z) && finite(a.w) && finite(b.x) && finite(b.y) && finite(b.z))) {
-        past.radiance = (float3)(0.0f);
-        past.count = 0.0f;
-        past.transmittance = (float3)(0.0f);
-        past.depth = INFINITY;
-        past.surface = FAR;
-    }
+    past.radiance = pick3(have, f3(a.x, a.y, a.z), none);
+    past.count = have ? a.w : none.x;
+    past.transmittance = pick3(have, f3(b.x, b.y, b.z), none);
+    past.depth = have ? b.w : (F)(INFINITY);
+    past.surface = have ? surface : (F)(FAR);
     return past;
 }
 
-// The history of what a pixel shows, where the last view saw it.
-Past followed(const Bound *bound, uint x, uint y, float4 light, float4 through) {
+// The history of what pixels show, where the last view saw it.
+INLINE Past followed(const Bound *bound, U x, U y, F distance, F depth) {
+    F zero = (F)(0.0f);
     Past none;
-    none.radiance = (float3)(0.0f);
-    none.count = 0.0f;
-    none.transmittance = (float3)(0.0f);
-    none.depth = INFINITY;
-    none.surface = FAR;
+    none.radiance = f3(zero, zero, zero);
+    none.count = zero;
+    none.transmittance = none.radiance;
+    none.depth = (F)(INFINITY);
+    none.surface = (F)(FAR);
     uint scale = bound->params->scale;
-    float width = convert_float(bound->params->full_width);
-    float height = convert_float(bound->params->full_height);
-    uint fx = min(x * scale + scale / 2u, bound->params->full_width - 1u);
-    uint fy = min(y * scale + scale / 2u, bound->params->full_height - 1u);
-    float a = (convert_float(fx) + 0.5f) * (2.0f / width) - 1.0f;
-    float b = 1.0f - (convert_float(fy) + 0.5f) * (2.0f / height);
-    float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
-    float3 direction = toward / sqrt(dot(toward, toward));
-    float3 moved = bound->params->moved.xyz;
-    float3 point = direction;
-    if (through.w < FAR) {
-        point = moved + through.w * direction;
-    } else if (light.w < FAR) {
-        point = moved + light.w * direction;
-    }
-    float ahead = dot(point, bound->params->last_forward.xyz);
-    if (ahead <= 0.0f) {
-        return none;
-    }
-    float px = (dot(point, bound->params->last_right.xyz) / ahead + 1.0f) * (0.5f * width) - 0.5f;
-    float py = (1.0f - dot(point, bound->params->last_up.xyz) / ahead) * (0.5f * height) - 0.5f;
-    float u = (px - convert_float(scale / 2u)) / convert_float(scale);
-    float v = (py - convert_float(scale / 2u)) / convert_float(scale);
+    uint full_width = bound->params->full_width;
+    uint full_height = bound->params->full_height;
+    float width = convert_float(full_width);
+    float height = convert_float(full_height);
+    U fx = x * scale + scale / 2u;
+    U fy = y * scale + scale / 2u;
+    fx = fx < full_width ? fx : (U)(full_width - 1u);
+    fy = fy < full_height ? fy : (U)(full_height - 1u);
+    F a = (to_float(fx) + 0.5f) * (2.0f / width) - 1.0f;
+    F b = 1.0f - (to_float(fy) + 0.5f) * (2.0f / height);
+    F3 toward = add3(add3(scale3(all3(bound->params->right.xyz), a), scale3(all3(bound->params->up.xyz), b)),
+                     all3(bound->params->forward.xyz));
+    F size = sqrt(dot3(toward, toward));
+    F3 direction = f3(toward.x / size, toward.y / size, toward.z / size);
+    F3 moved = all3(bound->params->moved.xyz);
+    M deep = depth < FAR;
+    M near = distance < FAR;
+    F3 seen = add3(moved, scale3(direction, deep ? depth : distance));
+    F3 point = pick3(deep | near, seen, direction);
+    F ahead = dot3(point, all3(bound->params->last_forward.xyz));
+    F px = (dot3(point, all3(bound->params->last_right.xyz)) / ahead + 1.0f) * (0.5f * width) - 0.5f;
+    F py = (1.0f - dot3(point, all3(bound->params->last_up.xyz)) / ahead) * (0.5f * height) - 0.5f;
+    F u = (px - convert_float(scale / 2u)) / convert_float(scale);
+    F v = (py - convert_float(scale / 2u)) / convert_float(scale);
     float right = convert_float(bound->params->width) - 1.0f;
     float bottom = convert_float(bound->params->height) - 1.0f;
-    if (!(u >= -0.5f && u <= right + 0.5f && v >= -0.5f && v <= bottom + 0.5f)) {
+    M within = (ahead > 0.0f) & (u >= -0.5f) & (u <= right + 0.5f) & (v >= -0.5f) & (v <= bottom + 0.5f);
+    if (!any_lane(within)) {
         return none;
     }
-    float surface = FAR;
-    if (light.w < FAR) {
-        float3 seen = moved + light.w * direction;
-        surface = sqrt(dot(seen, seen));
-    }
+    F3 there = add3(moved, scale3(direction, distance));
+    F surface = near ? sqrt(dot3(there, there)) : (F)(FAR);
     Past sum = none;
-    sum.depth = 0.0f;
-    float weights = 0.0f;
-    float stops = 0.0f;
+    sum.depth = zero;
+    F weights = zero;
+    F stops = zero;
     for (uint i = 0u; i < 4u; i++) {
-        float column = floor(u) + convert_float(i % 2u);
-        float row = floor(v) + convert_float(i / 2u);
-        float share = (1.0f - fabs(u - column)) * (1.0f - fabs(v - row));
-        uint place = convert_uint(clamp(column, 0.0f, right));
-        Past past = recalled(bound, (size_t)convert_uint(clamp(row, 0.0f, bottom)) * bound->params->width + place);
-        float weight = past.count > 0.0f ? share * fit(past.surface, surface) : 0.0f;
-        sum.radiance += weight * past.radiance;
-        sum.transmittance += weight * past.transmittance;
+        F column = floored(u) + convert_float(i % 2u);
+        F row = floored(v) + convert_float(i / 2u);
+        F share = (1.0f - fabs(u - column)) * (1.0f - fabs(v - row));
+        column = lesser(greater(column, zero), (F)(right));
+        row = lesser(greater(row, zero), (F)(bottom));
+        Past past = recalled(bound, to_uint(row) * bound->params->width + to_uint(column));
+        F weight = past.count > 0.0f ? share * fit(past.surface, surface) : zero;
+        sum.radiance = add3(sum.radiance, scale3(past.radiance, weight));
+        sum.transmittance = add3(sum.transmittance, scale3(past.transmittance, weight));
         sum.count += weight * past.count;
         weights += weight;
-        float stop = weight * stopped(past.transmittance, past.depth);
-        if (stop > 0.0f) {
-            stops += stop;
-            sum.depth += stop * past.depth;
-        }
+        F stop = weight * stopped(past.transmittance, past.depth);
+        M stands = stop > 0.0f;
+        stops = stands ? stops + stop : stops;
+        sum.depth = stands ? sum.depth + stop * past.depth : sum.depth;
     }
-    if (weights < ACCUMULATE_FIT) {
-        return none;
-    }
-    sum.radiance = sum.radiance / weights;
-    sum.transmittance = sum.transmittance / weights;
-    sum.count = sum.count / weights;
-    sum.depth = stops > 0.0f ? sum.depth / stops : INFINITY;
-    sum.surface = surface;
-    return sum;
+    M found = within & (weights >= ACCUMULATE_FIT);
+    F3 radiance = f3(sum.radiance.x / weights, sum.radiance.y / weights, sum.radiance.z / weights);
+    F3 through = f3(sum.transmittance.x / weights, sum.transmittance.y / weights, sum.transmittance.z / weights);
+    Past mean;
+    mean.radiance = pick3(found, radiance, none.radiance);
+    mean.transmittance = pick3(found, through, none.transmittance);
+    mean.count = found ? sum.count / weights : zero;
+    mean.depth = (found & (stops > 0.0f)) ? sum.depth / stops : none.depth;
+    mean.surface = found ? surface : none.surface;
+    return mean;
 }
 
-// A history within the range of the pixels around.
-Past clamped(const Bound *bound, Past past, uint x, uint y) {
-    float3 least = (float3)(FAR);
-    float3 most = (float3)(-FAR);
-    float3 thinnest = (float3)(FAR);
-    float3 thickest = (float3)(-FAR);
-    for (uint i = 0u; i < 9u; i++) {
-        uint column = min(max(x + i % 3u, 1u) - 1u, bound->params->width - 1u);
-        uint row = min(max(y + i / 3u, 1u) - 1u, bound->params->height - 1u);
-        size_t at = 2u * ((size_t)row * bound->params->width + column);
-        if (bound->medium[at].w < 0.0f) {
-            continue;
+// A history within the range of the pixels around; the packet's first is at `x`, `y`.
+INLINE Past clamped(const Bound *bound, Past past, uint x, uint y) {
+    uint width = bound->params->width;
+    float8 lows[WIDTH];
+    float8 highs[WIDTH];
+    for (uint j = 0u; j < DOWN; j++) {
+        // The range of each column.
+        float8 least[ACROSS + 2u];
+        float8 most[ACROSS + 2u];
+        for (uint i = 0u; i < ACROSS + 2u; i++) {
+            uint column = min(max(x + i, 1u) - 1u, width - 1u);
+            float8 low = (float8)(FAR);
+            float8 high = (float8)(-FAR);
+            for (uint k = 0u; k < 3u; k++) {
+                uint row = min(max(y + j + k, 1u) - 1u, bound->params->height - 1u);
+                size_t at = 2u * ((size_t)row * width + column);
+                float8 pixel = (float8)(bound->medium[at], bound->medium[at + 1u]);
+                if (pixel.s3 < 0.0f) {
+                    continue;
+                }
+                low = pixel < low ? pixel : low;
+                high = pixel > high ? pixel : high;
+            }
+            least[i] = low;
+            most[i] = high;
         }
-        least = fmin(least, bound->medium[at].xyz);
-        most = fmax(most, bound->medium[at].xyz);
-        thinnest = fmin(thinnest, bound->medium[at + 1u].xyz);
-        thickest = fmax(thickest, bound->medium[at + 1u].xyz);
+        for (uint i = 0u; i < ACROSS; i++) {
+            float8 low = least[i] < least[i + 1u] ? least[i] : least[i + 1u];
+            float8 high = most[i] > most[i + 1u] ? most[i] : most[i + 1u];
+            lows[j * ACROSS + i] = low < least[i + 2u] ? low : least[i + 2u];
+            highs[j * ACROSS + i] = high > most[i + 2u] ? high : most[i + 2u];
+        }
     }
-    past.radiance = fmin(fmax(past.radiance, least), most);
-    past.transmittance = fmin(fmax(past.transmittance, thinnest), thickest);
+    F4 least = fetch_four((const float4 *)lows, 2u * LANE);
+    F4 most = fetch_four((const float4 *)highs, 2u * LANE);
+    F4 thinnest = fetch_four((const float4 *)lows, 2u * LANE + 1u);
+    F4 thickest = fetch_four((const float4 *)highs, 2u * LANE + 1u);
+    past.radiance.x = lesser(greater(past.radiance.x, least.x), most.x);
+    past.radiance.y = lesser(greater(past.radiance.y, least.y), most.y);
+    past.radiance.z = lesser(greater(past.radiance.z, least.z), most.z);
+    past.transmittance.x = lesser(greater(past.transmittance.x, thinnest.x), thickest.x);
+    past.transmittance.y = lesser(greater(past.transmittance.y, thinnest.y), thickest.y);
+    past.transmittance.z = lesser(greater(past.transmittance.z, thinnest.z), thickest.z);
     return past;
 }
 
-// Whether a value is neither infinite nor no number.
-bool finite(float v) {
-    return (as_uint(v) & 0x7f800000u) != 0x7f800000u;
+// Whether values are neither infinite nor no numbers.
+INLINE M finite(F v) {
+    return (as_int_lanes(v) & 0x7f800000) != 0x7f800000;
 }
 
 // How well surfaces of two distances fit.
-float fit(float a, float b) {
+INLINE F fit(F a, F b) {
     // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
-    float nearer = 1.0f - fmin(fmin(a, b), 1e30f) / clamp(fmax(a, b), 1e-30f, 1e30f);
-    return clamp(2.0f - nearer / ACCUMULATE_NEAR, 0.0f, 1.0f);
+    F far = (F)(1e30f);
+    F nearer = 1.0f - lesser(lesser(a, b), far) / lesser(greater(greater(a, b), (F)(1e-30f)), far);
+    return lesser(greater(2.0f - nearer / ACCUMULATE_NEAR, (F)(0.0f)), (F)(1.0f));
 }
 
 // What is stopped, with which a depth is weighed; nothing where there is no depth.
-float stopped(float3 transmittance, float depth) {
-    if (!finite(depth)) {
-        return 0.0f;
-    }
-    return fmax((3.0f - (transmittance.x + transmittance.y + transmittance.z)) * (1.0f / 3.0f), 1e-9f);
+INLINE F stopped(F3 transmittance, F depth) {
+    F stops = (3.0f - (transmittance.x + transmittance.y + transmittance.z)) * (1.0f / 3.0f);
+    return finite(depth) ? greater(stops, (F)(1e-9f)) : (F)(0.0f);
 }

@@ -1,9 +1,11 @@
-// `coarsen`: what a medium does to light, as means over the cells of a coarse grid. One work-item a cell.
+// `coarsen`: what a medium does to light, as means over the cells of a coarse grid. One work-item a cell, a packet a run
+// of texels along x where no color varies.
 
 float share(float begin, float end, uint i);
+F shares(float begin, float end, uint i);
 
 void run_coarsen(const Bound *bound) {
-    size_t n = number();
+    size_t n = get_global_id(0);
     if (n >= bound->launch->count) {
         return;
     }
@@ -19,9 +21,14 @@ void run_coarsen(const Bound *bound) {
     float density = 0.0f;
     float3 scatters = (float3)(0.0f);
     float3 shines = (float3)(0.0f);
+    bool colored = has_scattering || has_emission_color;
+    F thick = (F)(0.0f);
+    F bright = (F)(0.0f);
     for (uint k = lo.z; k <= hi.z; k++) {
         for (uint j = lo.y; j <= hi.y; j++) {
-            for (uint i = lo.x; i <= hi.x; i++) {
+            float weight = share(begin.y, end.y, j) * share(begin.z, end.z, k);
+            uint i = lo.x;
+            while (i <= hi.x) {
                 int3 at = convert_int3((uint3)(i, j, k));
                 // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
                 int zeros = empty_density(bound, at, convert_int3(size));
@@ -29,10 +36,21 @@ void run_coarsen(const Bound *bound) {
                     zeros = min(zeros, empty_emission_density(bound, at, convert_int3(size)));
                 }
                 if (zeros > 0) {
-                    i += (uint)zeros - 1u;
+                    i += (uint)zeros;
                     continue;
                 }
-                float w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
+                if (!colored) {
+                    // Runs end where blocks of bricks do, so that sums are those of every layout.
+                    uint count = min(hi.x - i + 1u, WIDTH - i % WIDTH);
+                    F w = shares(begin.x, end.x, i) * weight;
+                    thick += w * run_density(bound, at, (int)count, convert_int3(size));
+                    if (has_emission_density) {
+                        bright += w * run_emission_density(bound, at, (int)count, convert_int3(size));
+                    }
+                    i += count;
+                    continue;
+                }
+                float w = share(begin.x, end.x, i) * weight;
                 float rho = texel_density(bound, at, convert_int3(size), 0);
                 float3 own = (float3)(rho);
                 float3 glow = (float3)(rho);
@@ -47,8 +65,14 @@ void run_coarsen(const Bound *bound) {
                 density += w * rho;
                 scatters += w * own;
                 shines += w * glow;
+                i += 1u;
             }
         }
+    }
+    if (!colored) {
+        density = total(thick);
+        scatters = (float3)(density);
+        shines = (float3)(has_emission_density ? total(bright) : density);
     }
     float3 within = max(min(end, convert_float3(size)) - begin, (float3)(0.0f));
     // A cell holds a part of a voxel at the least, but its sides are rounded.
@@ -74,4 +98,10 @@ void run_coarsen(const Bound *bound) {
 // The part of voxel `i` that lies between two places; voxel i fills i to i + 1.
 float share(float begin, float end, uint i) {
     return max(min(end, (float)i + 1.0f) - max(begin, (float)i), 0.0f);
+}
+
+// The same of voxels from `i` on.
+F shares(float begin, float end, uint i) {
+    F from = to_float(i + LANE);
+    return greater(lesser(from + 1.0f, (F)(end)) - greater(from, (F)(begin)), (F)(0.0f));
 }

@@ -12,42 +12,48 @@ float maximum_FIELD(const Bound *bound, uint3 cell) {
     int3 size = convert_int3(bound->params->dims.xyz);
     float3 begin = convert_float3(cell) * side - 0.5f - margin;
     float3 end = convert_float3(cell + 1u) * side - 0.5f + margin;
-    float3 lower = floor(begin);
-    float3 upper = floor(end) + 1.0f;
-    int3 lo = (int3)(within_FIELD(lower.x, size.x), within_FIELD(lower.y, size.y), within_FIELD(lower.z, size.z));
-    int3 hi = (int3)(within_FIELD(upper.x, size.x), within_FIELD(upper.y, size.y), within_FIELD(upper.z, size.z));
+    float3 last = convert_float3(size - 1);
+    int3 lo = convert_int3(clamp(floor(begin), (float3)(0.0f), last));
+    int3 hi = convert_int3(clamp(floor(end) + 1.0f, (float3)(0.0f), last));
     uint across = (uint)(hi.y - lo.y + 1);
     uint rows = across * (uint)(hi.z - lo.z + 1);
     if (uniform_FIELD(bound, lo, hi, size)) {
         return fmax(0.0f, texel_FIELD(bound, lo, size, 0));
     }
-    float most = 0.0f;
+    F most = (F)(0.0f);
     for (uint row = bound->params->row_begin; row < min(bound->params->row_end, rows); row++) {
         int j = lo.y + (int)(row % across);
         int k = lo.z + (int)(row / across);
-        for (int i = lo.x; i <= hi.x; i++) {
+        int i = lo.x;
+        while (i <= hi.x) {
             int zeros = empty_FIELD(bound, (int3)(i, j, k), size);
             if (zeros > 0) {
-                i += zeros - 1;
+                i += zeros;
                 continue;
             }
-            most = fmax(most, texel_FIELD(bound, (int3)(i, j, k), size, 0));
+            int count = min(hi.x - i + 1, (int)WIDTH - i % (int)WIDTH);
+            most = greater(run_FIELD(bound, (int3)(i, j, k), count, size), most);
+            i += count;
         }
     }
-    return most;
+    return largest_lane(most);
 }
 
 // The maximum of n^3 lookups, evenly spread over the cell: over the rows of this pass.
 float probe_FIELD(const Bound *bound, uint3 cell) {
     uint n = bound->params->coarse.w;
     int3 size = convert_int3(bound->params->dims.xyz);
-    float most = 0.0f;
+    float3 side = bound->params->cell.xyz;
+    F most = (F)(0.0f);
     for (uint row = bound->params->row_begin; row < min(bound->params->row_end, n * n); row++) {
-        for (uint i = 0u; i < n; i++) {
-            float3 probe = (convert_float3((uint3)(i, row % n, row / n)) + 0.5f) / convert_float(n);
-            float3 place = (convert_float3(cell) + probe) * bound->params->cell.xyz - 0.5f;
-            most = fmax(most, sample_FIELD(bound, place, size, 0));
+        float y = (convert_float(cell.y) + (convert_float(row % n) + 0.5f) / convert_float(n)) * side.y - 0.5f;
+        float z = (convert_float(cell.z) + (convert_float(row / n) + 0.5f) / convert_float(n)) * side.z - 0.5f;
+        for (uint i = 0u; i < n; i += WIDTH) {
+            // Lanes past the last repeat it.
+            U probe = elements(i, n);
+            F x = (convert_float(cell.x) + (to_float(probe) + 0.5f) / convert_float(n)) * side.x - 0.5f;
+            most = greater(sample_FIELD(bound, f3(x, (F)(y), (F)(z)), size, 0), most);
         }
     }
-    return most;
+    return largest_lane(most);
 }

@@ -30,13 +30,13 @@ void meet(const Bound *bound, Way *way);
 float3 from_mesh(const Bound *bound, float3 place);
 float4 behind(const Bound *bound, uint pixel);
 float limit(const Bound *bound, const Way *way, uint pixel);
-bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers);
-float3 extinction(const Bound *bound, float3 at, float rate);
-float3 scattering(const Bound *bound, float3 at, float3 stops, float rate);
-float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate);
-float3 emission(const Bound *bound, float3 at, float rate);
-float3 faint(float3 ratio, Draws *numbers);
-void offer(Way *way, float3 weights, float t, Draws *numbers);
+INLINE bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers);
+INLINE float3 extinction(const Bound *bound, float3 at, float rate);
+INLINE float3 scattering(const Bound *bound, float3 at, float3 stops, float rate);
+INLINE float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate);
+INLINE float3 emission(const Bound *bound, float3 at, float rate);
+INLINE float3 faint(float3 ratio, Draws *numbers);
+INLINE void offer(Way *way, float3 weights, float t, Draws *numbers);
 bool arrive(const Bound *bound, uint pixel, Way *way, Draws *numbers);
 float3 surroundings(const Bound *bound, float3 d);
 float share_of_scattering(const Bound *bound, float3 d, float density);
@@ -229,7 +229,7 @@ float limit(const Bound *bound, const Way *way, uint pixel) {
 }
 
 // A turn of a walk. Whether the path scatters where it now is.
-bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers) {
+INLINE bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers) {
     if (on->over) {
         return arrive(bound, pixel, way, numbers);
     }
@@ -274,13 +274,13 @@ bool turn(const Bound *bound, uint pixel, Way *way, Walk *on, Draws *numbers) {
 }
 
 // Extinction over the rate, at most 1: lookups are good to a rounding.
-float3 extinction(const Bound *bound, float3 at, float rate) {
+INLINE float3 extinction(const Bound *bound, float3 at, float rate) {
     float density = sample_density(bound, at, convert_int3(bound->params->dims.xyz), 0);
     return min(density / rate * bound->params->extinction.xyz, (float3)(1.0f));
 }
 
 // Scattering over the rate.
-float3 scattering(const Bound *bound, float3 at, float3 stops, float rate) {
+INLINE float3 scattering(const Bound *bound, float3 at, float3 stops, float rate) {
     float3 albedo = bound->params->albedo.xyz;
     if (has_scattering) {
         float3 density = sample_scattering(bound, at, convert_int3(bound->params->dims.xyz), 0).xyz;
@@ -290,7 +290,7 @@ float3 scattering(const Bound *bound, float3 at, float3 stops, float rate) {
 }
 
 // Scattering over the rate as the eye sees it.
-float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate) {
+INLINE float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate) {
     if (has_seen_scattering) {
         float3 density = sample_seen_scattering(bound, at, convert_int3(bound->params->dims.xyz), 0).xyz;
         return density / rate * bound->params->extinction.xyz * bound->params->albedo.xyz;
@@ -299,7 +299,7 @@ float3 tinted(const Bound *bound, float3 at, float3 scatters, float rate) {
 }
 
 // Emission over the rate.
-float3 emission(const Bound *bound, float3 at, float rate) {
+INLINE float3 emission(const Bound *bound, float3 at, float rate) {
     float3 e = bound->params->emission.xyz;
     if (e.x + e.y + e.z == 0.0f) {
         return (float3)(0.0f);
@@ -317,7 +317,7 @@ float3 emission(const Bound *bound, float3 at, float rate) {
 }
 
 // T, or nothing by the chance that makes up for it where T is faint.
-float3 faint(float3 ratio, Draws *numbers) {
+INLINE float3 faint(float3 ratio, Draws *numbers) {
     float most = max(max(ratio.x, ratio.y), ratio.z);
     if (most >= PATH_FAINT) {
         return ratio;
@@ -329,7 +329,7 @@ float3 faint(float3 ratio, Draws *numbers) {
 }
 
 // A place on the eye's ray to scatter at, `t` metres along, with its weights.
-void offer(Way *way, float3 weights, float t, Draws *numbers) {
+INLINE void offer(Way *way, float3 weights, float t, Draws *numbers) {
     float weight = weights.x + weights.y + weights.z;
     if (weight > 0.0f) {
         way->total += weight;

@@ -1,10 +1,14 @@
-// `project`: records of directional light at the cells of a coarse grid. One work-item a packet of cells: it marches along one
-// direction after the other, and adds each to the cells' records.
+// `project`: records of directional light at the cells of a coarse grid. One work-item CHUNK cells: it marches from
+// packets of those that are not empty along one direction after the other, and adds each to the cells' records.
 
+// Cells that a work-item takes: enough to fill packets between empty ones.
+#define CHUNK (WIDTH == 1 ? 1u : 4u * WIDTH)
+
+void project(const Bound *bound, size_t first, const uint *places, uint count);
 void gather(const Bound *bound, F3 origin, float3 direction, M lit, F3 *transmittance, F3 *glow);
 float3 extinction(const Bound *bound);
-void sum_record(const Bound *bound, size_t cell, const int *marked, uint i, F3 transmittance);
-void sum_glow(const Bound *bound, size_t cell, const int *marked, uint i, F3 glow);
+void sum_record(const Bound *bound, size_t first, U place, const int *marked, uint i, F3 transmittance);
+void sum_glow(const Bound *bound, size_t first, U place, const int *marked, uint i, F3 glow);
 F3 view_direction(const Bound *bound, F3 at);
 F3 emission_along(const Bound *bound, const Ray *ray, M lit, F3 *glow);
 
@@ -17,33 +21,47 @@ uint phase_size(const Bound *bound) {
 }
 
 void run_project(const Bound *bound) {
-    size_t n = number();
+    size_t n = get_global_id(0) * CHUNK;
     if (n >= bound->launch->count) {
         return;
     }
     size_t first = bound->launch->start + n;
-    U cell = bound->launch->start + elements(n, bound->launch->count);
-    M lit = filled(n, bound->launch->count);
-    int marked[WIDTH];
-    unpack(lit, marked);
-    uint values = bound->params->coefficients * max(bound->params->channels, bound->params->weight_channels);
-    uint glow_values = bound->params->emission_coefficients * 3u;
+    uint cells = min(CHUNK, bound->launch->count - (uint)n);
     if (bound->params->direction_begin == 0u) {
-        for (uint v = 0u; v < values; v++) {
-            put((F)(0.0f), bound->records + first * values + v, values * LANE, marked);
+        size_t values = bound->params->coefficients * max(bound->params->channels, bound->params->weight_channels);
+        for (size_t v = 0u; v < cells * values; v++) {
+            bound->records[first * values + v] = 0.0f;
         }
-        for (uint v = 0u; v < glow_values; v++) {
-            put((F)(0.0f), bound->emission_records + first * glow_values + v, glow_values * LANE, marked);
+        size_t glow_values = bound->params->emission_coefficients * 3u;
+        for (size_t v = 0u; v < cells * glow_values; v++) {
+            bound->emission_records[first * glow_values + v] = 0.0f;
         }
     }
-    if (has_occupancy) {
+    uint places[CHUNK];
+    uint count = 0u;
+    for (uint i = 0u; i < cells; i++) {
         // Means and maxima, in turn.
-        lit &= fetch((__global const float *)bound->occupancy, 2u * cell + 1u) > 0.0f;
-        if (!any_lane(lit)) {
-            return;
+        if (!has_occupancy || bound->occupancy[first + i].y > 0.0f) {
+            places[count++] = i;
         }
-        unpack(lit, marked);
     }
+    for (uint done = 0u; done < count; done += WIDTH) {
+        project(bound, first, places + done, min(count - done, (uint)WIDTH));
+    }
+}
+
+// A packet of cells, so many places behind the first: adds the directions of this pass to their records.
+void project(const Bound *bound, size_t first, const uint *places, uint count) {
+    uint at[WIDTH];
+    int marked[WIDTH];
+    for (uint i = 0u; i < WIDTH; i++) {
+        // Lanes past the last repeat it.
+        at[i] = places[min(i, count - 1u)];
+        marked[i] = i < count;
+    }
+    U place = pack(at);
+    M lit = LANE < count;
+    U cell = (uint)first + place;
     uint3 cells = bound->params->cells.xyz;
     float3 side = bound->params->cell.xyz;
     F3 origin = f3(to_float(cell % cells.x) * side.x + (0.5f * side.x - 0.5f),
@@ -53,9 +71,9 @@ void run_project(const Bound *bound) {
         F3 transmittance;
         F3 glow;
         gather(bound, origin, bound->directions[i].xyz, lit, &transmittance, &glow);
-        sum_record(bound, first, marked, i, transmittance);
-        if (glow_values > 0u) {
-            sum_glow(bound, first, marked, i, glow);
+        sum_record(bound, first, place, marked, i, transmittance);
+        if (bound->params->emission_coefficients > 0u) {
+            sum_glow(bound, first, place, marked, i, glow);
         }
     }
 }
@@ -91,34 +109,34 @@ float3 extinction(const Bound *bound) {
     return bound->params->channels == 3u ? bound->params->extinction.xyz : bound->params->extinction.xxx;
 }
 
-// Adds direction `i` to every value of the records of the lanes that are marked, from that of `cell` on.
-void sum_record(const Bound *bound, size_t cell, const int *marked, uint i, F3 transmittance) {
+// Adds direction `i` to every value of the records of the lanes that are marked, each at its place behind cell `first`.
+void sum_record(const Bound *bound, size_t first, U place, const int *marked, uint i, F3 transmittance) {
     uint coefficients = bound->params->coefficients;
     uint of = bound->params->weight_channels;
     __global const float *weights = bound->weights + (size_t)i * coefficients * of;
     if (max(bound->params->channels, of) == 1u) {
         for (uint k = 0u; k < coefficients; k++) {
-            add_to(transmittance.x * weights[k], bound->records + cell * coefficients + k, coefficients * LANE, marked);
+            add_to(transmittance.x * weights[k], bound->records + first * coefficients + k, coefficients * place, marked);
         }
         return;
     }
     for (uint k = 0u; k < coefficients; k++) {
-        __global float *to = bound->records + 3u * (cell * coefficients + k);
-        add_to(transmittance.x * weights[k * of], to, 3u * coefficients * LANE, marked);
-        add_to(transmittance.y * weights[k * of + (of - 1u) / 2u], to + 1u, 3u * coefficients * LANE, marked);
-        add_to(transmittance.z * weights[k * of + of - 1u], to + 2u, 3u * coefficients * LANE, marked);
+        __global float *to = bound->records + 3u * (first * coefficients + k);
+        add_to(transmittance.x * weights[k * of], to, 3u * coefficients * place, marked);
+        add_to(transmittance.y * weights[k * of + (of - 1u) / 2u], to + 1u, 3u * coefficients * place, marked);
+        add_to(transmittance.z * weights[k * of + of - 1u], to + 2u, 3u * coefficients * place, marked);
     }
 }
 
 // Adds direction `i` to every value of the emission's moments.
-void sum_glow(const Bound *bound, size_t cell, const int *marked, uint i, F3 glow) {
+void sum_glow(const Bound *bound, size_t first, U place, const int *marked, uint i, F3 glow) {
     uint coefficients = bound->params->emission_coefficients;
     __global const float *weights = bound->emission_weights + (size_t)i * coefficients;
     for (uint k = 0u; k < coefficients; k++) {
-        __global float *to = bound->emission_records + 3u * (cell * coefficients + k);
-        add_to(glow.x * weights[k], to, 3u * coefficients * LANE, marked);
-        add_to(glow.y * weights[k], to + 1u, 3u * coefficients * LANE, marked);
-        add_to(glow.z * weights[k], to + 2u, 3u * coefficients * LANE, marked);
+        __global float *to = bound->emission_records + 3u * (first * coefficients + k);
+        add_to(glow.x * weights[k], to, 3u * coefficients * place, marked);
+        add_to(glow.y * weights[k], to + 1u, 3u * coefficients * place, marked);
+        add_to(glow.z * weights[k], to + 2u, 3u * coefficients * place, marked);
     }
 }
 

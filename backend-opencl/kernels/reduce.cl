@@ -1,9 +1,10 @@
-// `reduce`: coarse mean and maximum of a field. One work-item a coarse cell.
+// `reduce`: coarse mean and maximum of a field. One work-item a coarse cell, a packet a run of texels along x.
 
+F shares(float begin, float end, uint i);
 float mean(const Bound *bound, uint3 cell, float before);
 
 void run_reduce(const Bound *bound) {
-    size_t n = number();
+    size_t n = get_global_id(0);
     if (n >= bound->launch->count) {
         return;
     }
@@ -27,6 +28,12 @@ float share(float begin, float end, uint i) {
     return max(min(end, convert_float(i) + 1.0f) - max(begin, convert_float(i)), 0.0f);
 }
 
+// The same of voxels from `i` on.
+F shares(float begin, float end, uint i) {
+    F from = to_float(i + LANE);
+    return greater(lesser(from + 1.0f, (F)(end)) - greater(from, (F)(begin)), (F)(0.0f));
+}
+
 // The mean of the voxels, each weighed by the part of it that lies in the cell: the sum so far with the rows of this
 // pass, and in the last pass divided.
 float mean(const Bound *bound, uint3 cell, float before) {
@@ -47,15 +54,22 @@ float mean(const Bound *bound, uint3 cell, float before) {
     for (uint row = bound->params->row_begin; row < min(bound->params->row_end, rows); row++) {
         uint j = lo.y + row % across;
         uint k = lo.z + row / across;
-        for (uint i = lo.x; i <= hi.x; i++) {
-            int zeros = empty_density(bound, convert_int3((uint3)(i, j, k)), convert_int3(size));
+        F sums = (F)(0.0f);
+        uint i = lo.x;
+        while (i <= hi.x) {
+            int3 at = convert_int3((uint3)(i, j, k));
+            // Runs end where blocks of bricks do, so that sums are those of every layout.
+            uint count = min(hi.x - i + 1u, WIDTH - i % WIDTH);
+            int zeros = empty_density(bound, at, convert_int3(size));
             if (zeros > 0) {
-                i += (uint)zeros - 1u;
+                i += (uint)zeros;
                 continue;
             }
-            float w = share(begin.x, end.x, i) * share(begin.y, end.y, j) * share(begin.z, end.z, k);
-            sum += w * texel_density(bound, convert_int3((uint3)(i, j, k)), convert_int3(size), 0);
+            sums += run_density(bound, at, (int)count, convert_int3(size)) * shares(begin.x, end.x, i);
+            i += count;
         }
+        // Row by row, so that passes of some rows each add up to the same.
+        sum += total(sums) * (share(begin.y, end.y, j) * share(begin.z, end.z, k));
     }
     if (bound->params->row_end < ALL_ROWS) {
         return sum;

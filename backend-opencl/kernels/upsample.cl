@@ -1,16 +1,19 @@
-// `upsample`: the picture from a film of the medium alone. One work-item a pixel; those of a block of BLOCK x BLOCK pixels
-// are in a row.
+// `upsample`: the picture from a film of the medium alone. One work-item a packet of pixels, ACROSS by DOWN; those of
+// a block of BLOCK x BLOCK pixels are in a row.
 
-// Sums over pixels of a small film.
+#define ACROSS (WIDTH == 1 ? 1u : BLOCK)
+#define DOWN (WIDTH / ACROSS)
+
+// Sums over pixels of a small film, of each lane.
 typedef struct {
-    float3 radiance;
-    float3 transmittance;
+    F3 radiance;
+    F3 transmittance;
     // Light stopped, and the same weighed with its distance.
-    float stopped;
-    float stopped_at;
-    float weight;
+    F stopped;
+    F stopped_at;
+    F weight;
     // How much of the nearest pixels, by their bilinear weights, was marched.
-    float marched;
+    F marched;
 } Medium;
 
 // A film smaller than the picture: the one near rims, or the one of everything.
@@ -23,50 +26,56 @@ typedef struct {
 
 Small small(const Bound *bound, uint scale, bool rims);
 Medium mixed(Medium fine, Medium whole);
-Medium around(const Bound *bound, uint x, uint y, Small small, float distance);
-uint first(Small small, uint n);
-uint stands(Small small, uint n, uint size);
-float part(uint n, uint a, uint b);
-float fit(float a, float b);
-float alike(const Bound *bound, uint x, uint y, Small small, uint sx, uint sy);
-float4 held(const Bound *bound, Small small, uint sx, uint sy, uint half_of_it);
-void add(const Bound *bound, Medium *sum, Small small, uint sx, uint sy, float weight);
-float3 behind(const Bound *bound, uint x, uint y, size_t pixel);
-float4 seen(const Bound *bound, size_t pixel, uint s);
+Medium around(const Bound *bound, U x, U y, Small small, F distance);
+INLINE U first(Small small, U n);
+INLINE U stands(Small small, U n, uint size);
+INLINE F part(U n, U a, U b);
+INLINE F fit(F a, F b);
+INLINE F alike(const Bound *bound, U x, U y, Small small, U sx, U sy);
+INLINE F4 held(const Bound *bound, Small small, U sx, U sy, uint half_of_it);
+INLINE void add(const Bound *bound, Medium *sum, Small small, U sx, U sy, F weight, M marched);
+F3 behind(const Bound *bound, U x, U y, U pixel);
+INLINE F4 seen(const Bound *bound, U pixel, uint s);
 
 void run_upsample(const Bound *bound) {
     size_t n = number() / (BLOCK * BLOCK);
-    uint lane = (uint)(number() % (BLOCK * BLOCK));
+    uint first = (uint)(number() % (BLOCK * BLOCK)) / WIDTH;
     if (n >= bound->launch->count) {
         return;
     }
     uint block = bound->launch->start + (uint)n;
     uint full_width = bound->params->full_width;
+    uint full_height = bound->params->full_height;
     uint across = (full_width + BLOCK - 1u) / BLOCK;
-    uint x = block % across * BLOCK + lane % BLOCK;
-    uint y = block / across * BLOCK + lane / BLOCK;
-    if (x >= full_width || y >= bound->params->full_height) {
+    U x = block % across * BLOCK + first % (BLOCK / ACROSS) * ACROSS + LANE % ACROSS;
+    U y = block / across * BLOCK + first / (BLOCK / ACROSS) * DOWN + LANE / ACROSS;
+    M kept = (x < full_width) & (y < full_height);
+    if (!any_lane(kept)) {
         return;
     }
-    size_t pixel = (size_t)y * full_width + x;
-    float distance = fmin(seen(bound, pixel, 0u).w, FAR);
+    // Lanes past the edge repeat the last pixels, and keep nothing.
+    x = x < full_width ? x : (U)(full_width - 1u);
+    y = y < full_height ? y : (U)(full_height - 1u);
+    U pixel = y * full_width + x;
+    F distance = lesser(seen(bound, pixel, 0u).w, (F)(FAR));
     Medium found;
-    found.marched = 0.0f;
     if (has_rims) {
         found = around(bound, x, y, small(bound, bound->params->scale / 2u, true), distance);
+        if (any_lane(found.marched < 1.0f)) {
+            found = mixed(found, around(bound, x, y, small(bound, bound->params->scale, false), distance));
+        }
+    } else {
+        found = around(bound, x, y, small(bound, bound->params->scale, false), distance);
     }
-    if (found.marched < 1.0f) {
-        found = mixed(found, around(bound, x, y, small(bound, bound->params->scale, false), distance));
-    }
-    float3 radiance = found.radiance / found.weight;
-    float3 transmittance = found.transmittance / found.weight;
-    float depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : INFINITY;
-    float3 color = radiance + transmittance * behind(bound, x, y, pixel);
+    F3 radiance = f3(found.radiance.x / found.weight, found.radiance.y / found.weight, found.radiance.z / found.weight);
+    F3 through = f3(found.transmittance.x / found.weight, found.transmittance.y / found.weight,
+                    found.transmittance.z / found.weight);
+    F depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : (F)(INFINITY);
+    F3 color = add3(radiance, mul3(through, behind(bound, x, y, pixel)));
     // Exactly nothing where all came through, also where a product and a sum are rounded as one.
-    float all = 3.0f * found.weight;
-    float alpha = (all - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / all;
-    bound->film[2u * pixel] = (float4)(color, alpha);
-    bound->film[2u * pixel + 1u] = (float4)(transmittance, depth);
+    F all = 3.0f * found.weight;
+    F alpha = (all - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / all;
+    put_eight(bound->film, pixel, kept, color, alpha, through, depth);
 }
 
 // A film of so many pixels of the picture along each side of one of its own.
@@ -81,163 +90,187 @@ Small small(const Bound *bound, uint scale, bool rims) {
 
 // As much of one film as was marched of it, and the rest of another.
 Medium mixed(Medium fine, Medium whole) {
-    if (fine.marched == 0.0f) {
-        return whole;
-    }
-    float a = fine.marched / fine.weight;
-    float b = (1.0f - fine.marched) / whole.weight;
+    // Of lanes that have nothing of one of them the other is taken as it is.
+    M none = fine.marched == 0.0f;
+    M all = fine.marched >= 1.0f;
+    F one = (F)(1.0f);
+    F zero = (F)(0.0f);
+    F a = none ? zero : (all ? one : fine.marched / fine.weight);
+    F b = none ? one : (all ? zero : (1.0f - fine.marched) / whole.weight);
     Medium sum;
-    sum.radiance = a * fine.radiance + b * whole.radiance;
-    sum.transmittance = a * fine.transmittance + b * whole.transmittance;
+    sum.radiance = add3(scale3(fine.radiance, a), scale3(whole.radiance, b));
+    sum.transmittance = add3(scale3(fine.transmittance, a), scale3(whole.transmittance, b));
     sum.stopped = a * fine.stopped + b * whole.stopped;
     sum.stopped_at = a * fine.stopped_at + b * whole.stopped_at;
-    sum.weight = 1.0f;
-    sum.marched = 1.0f;
+    sum.weight = none ? whole.weight : (all ? fine.weight : one);
+    sum.marched = one;
     return sum;
 }
 
-// The medium in a pixel whose surface is so far away; nothing where none of the nearest pixels was marched.
-Medium around(const Bound *bound, uint x, uint y, Small small, float distance) {
+// The medium in pixels whose surfaces are so far away; nothing where none of the nearest pixels was marched.
+Medium around(const Bound *bound, U x, U y, Small small, F distance) {
     uint full_width = bound->params->full_width;
     uint full_height = bound->params->full_height;
-    uint x0 = first(small, x);
-    uint y0 = first(small, y);
-    uint x1 = min(x0 + 1u, small.width - 1u);
-    uint y1 = min(y0 + 1u, small.height - 1u);
-    float fx = part(x, stands(small, x0, full_width), stands(small, x1, full_width));
-    float fy = part(y, stands(small, y0, full_height), stands(small, y1, full_height));
+    U x0 = first(small, x);
+    U y0 = first(small, y);
+    U x1 = x0 + 1u < small.width ? x0 + 1u : (U)(small.width - 1u);
+    U y1 = y0 + 1u < small.height ? y0 + 1u : (U)(small.height - 1u);
+    F fx = part(x, stands(small, x0, full_width), stands(small, x1, full_width));
+    F fy = part(y, stands(small, y0, full_height), stands(small, y1, full_height));
+    F zero = (F)(0.0f);
     Medium none;
-    none.radiance = (float3)(0.0f);
-    none.transmittance = (float3)(0.0f);
-    none.stopped = 0.0f;
-    none.stopped_at = 0.0f;
-    none.weight = 0.0f;
-    none.marched = 0.0f;
+    none.radiance = f3(zero, zero, zero);
+    none.transmittance = none.radiance;
+    none.stopped = zero;
+    none.stopped_at = zero;
+    none.weight = zero;
+    none.marched = zero;
     Medium sum = none;
     for (uint i = 0u; i < 4u; i++) {
         bool right = i % 2u == 1u;
         bool below = i / 2u == 1u;
-        uint sx = right ? x1 : x0;
-        uint sy = below ? y1 : y0;
-        float share = (right ? fx : 1.0f - fx) * (below ? fy : 1.0f - fy);
-        float other = held(bound, small, sx, sy, 0u).w;
-        if (other < 0.0f) {
-            continue;
-        }
-        sum.marched += share;
-        add(bound, &sum, small, sx, sy, share * fit(distance, other) * alike(bound, x, y, small, sx, sy));
+        U sx = right ? x1 : x0;
+        U sy = below ? y1 : y0;
+        F share = (right ? fx : 1.0f - fx) * (below ? fy : 1.0f - fy);
+        F other = held(bound, small, sx, sy, 0u).w;
+        M marched = other >= 0.0f;
+        sum.marched += marched ? share : zero;
+        F fits = has_surface ? fit(distance, other) * alike(bound, x, y, small, sx, sy) : (F)(1.0f);
+        add(bound, &sum, small, sx, sy, share * fits, marched);
     }
-    float marched = sum.marched;
-    if (marched == 0.0f || sum.weight >= UPSAMPLE_FIT) {
+    M lone = (sum.marched > 0.0f) & (sum.weight < UPSAMPLE_FIT);
+    if (!any_lane(lone)) {
         return sum;
     }
-    float least = FAR;
-    uint2 at = (uint2)(x0, y0);
+    F least = (F)(FAR);
+    U at_x = x0;
+    U at_y = y0;
     for (uint i = 0u; i < 16u; i++) {
-        uint sx = min(max(x0 + i % 4u, 1u) - 1u, small.width - 1u);
-        uint sy = min(max(y0 + i / 4u, 1u) - 1u, small.height - 1u);
-        float other = held(bound, small, sx, sy, 0u).w;
-        float apart = fabs(1.0f / clamp(distance, 1e-6f, 1e30f) - 1.0f / clamp(other, 1e-6f, 1e30f));
-        if (other >= 0.0f && apart < least) {
-            least = apart;
-            at = (uint2)(sx, sy);
-        }
+        U sx = x0 + i % 4u;
+        U sy = y0 + i / 4u;
+        sx = sx > 1u ? sx - 1u : (U)(0u);
+        sy = sy > 1u ? sy - 1u : (U)(0u);
+        sx = sx < small.width ? sx : (U)(small.width - 1u);
+        sy = sy < small.height ? sy : (U)(small.height - 1u);
+        F other = held(bound, small, sx, sy, 0u).w;
+        F nearest = (F)(1e-6f);
+        F farthest = (F)(1e30f);
+        F here = lesser(greater(distance, nearest), farthest);
+        F apart = fabs(1.0f / here - 1.0f / lesser(greater(other, nearest), farthest));
+        M nearer = (other >= 0.0f) & (apart < least);
+        least = nearer ? apart : least;
+        at_x = nearer ? sx : at_x;
+        at_y = nearer ? sy : at_y;
     }
-    sum = none;
-    sum.marched = marched;
-    add(bound, &sum, small, at.x, at.y, 1.0f);
+    Medium single = none;
+    add(bound, &single, small, at_x, at_y, (F)(1.0f), lone);
+    sum.radiance = pick3(lone, single.radiance, sum.radiance);
+    sum.transmittance = pick3(lone, single.transmittance, sum.transmittance);
+    sum.stopped = lone ? single.stopped : sum.stopped;
+    sum.stopped_at = lone ? single.stopped_at : sum.stopped_at;
+    sum.weight = lone ? single.weight : sum.weight;
     return sum;
 }
 
-// The pixel of a small film at or before pixel `n` of the full picture, along one side; the first one before it.
-uint first(Small small, uint n) {
-    return (max(n, small.scale / 2u) - small.scale / 2u) / small.scale;
+// The pixels of a small film at or before pixels `n` of the full picture, along one side; the first one before it.
+INLINE U first(Small small, U n) {
+    uint before = small.scale / 2u;
+    return (n > before ? n - before : (U)(0u)) / small.scale;
 }
 
-// Where pixel `n` of a small film stands among `size` pixels.
-uint stands(Small small, uint n, uint size) {
-    return min(n * small.scale + small.scale / 2u, size - 1u);
+// Where pixels `n` of a small film stand among `size` pixels.
+INLINE U stands(Small small, U n, uint size) {
+    U at = n * small.scale + small.scale / 2u;
+    return at < size ? at : (U)(size - 1u);
 }
 
 // How far `n` is on its way from `a` to `b`.
-float part(uint n, uint a, uint b) {
-    if (n <= a || b <= a) {
-        return 0.0f;
-    }
-    return convert_float(n - a) / convert_float(b - a);
+INLINE F part(U n, U a, U b) {
+    return ((n > a) & (b > a)) ? to_float(n - a) / to_float(b - a) : (F)(0.0f);
 }
 
 // How well surfaces of two distances fit.
-float fit(float a, float b) {
+INLINE F fit(F a, F b) {
     // Distances count up to 1e30: what comes of larger ones is subnormal, which processors are slow at.
-    float nearer = 1.0f - fmin(fmin(a, b), 1e30f) / clamp(fmax(a, b), 1e-30f, 1e30f);
-    return clamp(2.0f - nearer / UPSAMPLE_NEAR, 0.0f, 1.0f);
+    F far = (F)(1e30f);
+    F nearer = 1.0f - lesser(lesser(a, b), far) / lesser(greater(greater(a, b), (F)(1e-30f)), far);
+    return lesser(greater(2.0f - nearer / UPSAMPLE_NEAR, (F)(0.0f)), (F)(1.0f));
 }
 
-// How well the normals in a pixel and in one of a small film fit.
-float alike(const Bound *bound, uint x, uint y, Small small, uint sx, uint sy) {
+// How well the normals in pixels and in those of a small film fit.
+INLINE F alike(const Bound *bound, U x, U y, Small small, U sx, U sy) {
     if (!has_normals) {
-        return 1.0f;
+        return (F)(1.0f);
     }
-    size_t width = bound->params->full_width;
+    uint width = bound->params->full_width;
     uint each = bound->params->normals_each;
-    size_t other = stands(small, sy, bound->params->full_height) * width + stands(small, sx, (uint)width);
-    float3 here = bound->normals[(y * width + x) * each].xyz;
-    float3 there = bound->normals[other * each].xyz;
-    if (dot(here, here) == 0.0f || dot(there, there) == 0.0f) {
-        return 1.0f;
-    }
-    return clamp((dot(here, there) - UPSAMPLE_COSINE) / (1.0f - UPSAMPLE_COSINE), 0.0f, 1.0f);
+    U other = stands(small, sy, bound->params->full_height) * width + stands(small, sx, width);
+    F4 h = fetch_four(bound->normals, (y * width + x) * each);
+    F4 t = fetch_four(bound->normals, other * each);
+    F3 here = f3(h.x, h.y, h.z);
+    F3 there = f3(t.x, t.y, t.z);
+    M bare = (dot3(here, here) == 0.0f) | (dot3(there, there) == 0.0f);
+    F cosine = (dot3(here, there) - UPSAMPLE_COSINE) / (1.0f - UPSAMPLE_COSINE);
+    return bare ? (F)(1.0f) : lesser(greater(cosine, (F)(0.0f)), (F)(1.0f));
 }
 
-// One of the two vectors of a pixel of a small film.
-float4 held(const Bound *bound, Small small, uint sx, uint sy, uint half_of_it) {
-    size_t at = 2u * ((size_t)sy * small.width + sx) + half_of_it;
+// One of the two vectors of pixels of a small film.
+INLINE F4 held(const Bound *bound, Small small, U sx, U sy, uint half_of_it) {
+    U at = 2u * (sy * small.width + sx) + half_of_it;
     if (has_rims && small.rims) {
-        return bound->rims[at];
+        return fetch_four(bound->rims, at);
     }
-    return bound->medium[at];
+    return fetch_four(bound->medium, at);
 }
 
-// Adds a pixel of a small film.
-void add(const Bound *bound, Medium *sum, Small small, uint sx, uint sy, float weight) {
-    float4 light = held(bound, small, sx, sy, 0u);
-    float4 through = held(bound, small, sx, sy, 1u);
-    sum->radiance += weight * light.xyz;
-    sum->transmittance += weight * through.xyz;
-    sum->weight += weight;
-    if (through.w < FAR) {
-        float stopped = weight * fmax((3.0f - (through.x + through.y + through.z)) * (1.0f / 3.0f), 1e-9f);
-        sum->stopped += stopped;
-        sum->stopped_at += stopped * through.w;
-    }
+// Adds pixels of a small film, in lanes where they were marched.
+INLINE void add(const Bound *bound, Medium *sum, Small small, U sx, U sy, F weight, M marched) {
+    F4 light = held(bound, small, sx, sy, 0u);
+    F4 through = held(bound, small, sx, sy, 1u);
+    F3 radiance = add3(sum->radiance, scale3(f3(light.x, light.y, light.z), weight));
+    F3 transmittance = add3(sum->transmittance, scale3(f3(through.x, through.y, through.z), weight));
+    sum->radiance = pick3(marched, radiance, sum->radiance);
+    sum->transmittance = pick3(marched, transmittance, sum->transmittance);
+    sum->weight = marched ? sum->weight + weight : sum->weight;
+    M deep = marched & (through.w < FAR);
+    F stops = (3.0f - (through.x + through.y + through.z)) * (1.0f / 3.0f);
+    F stopped = weight * greater(stops, (F)(1e-9f));
+    sum->stopped = deep ? sum->stopped + stopped : sum->stopped;
+    sum->stopped_at = deep ? sum->stopped_at + stopped * through.w : sum->stopped_at;
 }
 
-// The mean radiance behind the medium over the sub-pixel positions of a pixel.
-float3 behind(const Bound *bound, uint x, uint y, size_t pixel) {
-    float3 sum = (float3)(0.0f);
+// The mean radiance behind the medium over the sub-pixel positions of pixels.
+F3 behind(const Bound *bound, U x, U y, U pixel) {
+    F3 sum = all3((float3)(0.0f));
     uint samples = bound->params->samples;
     for (uint s = 0u; s < samples; s++) {
-        float4 before = seen(bound, pixel, s);
-        if (before.w < FAR) {
-            sum += before.xyz;
-        } else if (has_environment) {
-            float a =
-                (convert_float(x) + bound->subpixels[2u * s]) * (2.0f / convert_float(bound->params->full_width)) - 1.0f;
-            float b = 1.0f
-                - (convert_float(y) + bound->subpixels[2u * s + 1u]) * (2.0f / convert_float(bound->params->full_height));
-            float3 toward = a * bound->params->right.xyz + b * bound->params->up.xyz + bound->params->forward.xyz;
-            sum += sky(bound, toward / sqrt(dot(toward, toward)));
+        F4 before = seen(bound, pixel, s);
+        F3 color = f3(before.x, before.y, before.z);
+        M open = before.w >= FAR;
+        if (any_lane(open)) {
+            F3 sky_color = all3((float3)(0.0f));
+            if (has_environment) {
+                float width = convert_float(bound->params->full_width);
+                float height = convert_float(bound->params->full_height);
+                F a = (to_float(x) + bound->subpixels[2u * s]) * (2.0f / width) - 1.0f;
+                F b = 1.0f - (to_float(y) + bound->subpixels[2u * s + 1u]) * (2.0f / height);
+                F3 aside = scale3(all3(bound->params->right.xyz), a);
+                F3 toward = add3(add3(aside, scale3(all3(bound->params->up.xyz), b)), all3(bound->params->forward.xyz));
+                F size = sqrt(dot3(toward, toward));
+                sky_color = sky(bound, f3(toward.x / size, toward.y / size, toward.z / size));
+            }
+            color = pick3(open, sky_color, color);
         }
+        sum = add3(sum, color);
     }
-    return sum * (1.0f / convert_float(samples));
+    return scale3(sum, (F)(1.0f / convert_float(samples)));
 }
 
-// The surface behind a sub-pixel position of a pixel; as far as can be without any.
-float4 seen(const Bound *bound, size_t pixel, uint s) {
+// The surfaces behind a sub-pixel position of pixels; as far as can be without any.
+INLINE F4 seen(const Bound *bound, U pixel, uint s) {
     if (!has_surface) {
-        return (float4)(0.0f, 0.0f, 0.0f, FAR);
+        return f4(all3((float3)(0.0f)), (F)(FAR));
     }
     uint each = bound->params->surface_samples;
-    return bound->surface[pixel * each + s % each];
+    return fetch_four(bound->surface, pixel * each + s % each);
 }

@@ -44,12 +44,12 @@ Walk walk(const Bound *bound, float3 origin, float3 direction, float limit) {
 }
 
 // Where it stands, in index space.
-float3 stands(const Walk *on) {
+INLINE float3 stands(const Walk *on) {
     return on->origin + on->t * on->direction;
 }
 
 // On to the next tentative collision within the cell, whose rate it gives; else to the next cell, and 0.
-float advance(const Bound *bound, Walk *on, Draws *numbers) {
+INLINE float advance(const Bound *bound, Walk *on, Draws *numbers) {
     uint4 cells = bound->params->majorant_cells;
     float side = convert_float(cells.w);
     int3 onward = on->direction > (float3)(0.0f) ? (int3)(1) : (int3)(0);

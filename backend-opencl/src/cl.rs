@@ -3,9 +3,11 @@
 //! What `ocl::core` panics at is avoided here or kept from it by the loader: buffers are never empty, no callback is
 //! given, and a status that it does not know never reaches it.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::ffi::CString;
 use std::mem;
+use std::slice;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -13,17 +15,21 @@ use airlight_core::device::DeviceError;
 use airlight_opencl_loader::{STAND_IN, take_unknown};
 use ocl::core::{
     self, ArgVal, CommandExecutionStatus, CommandQueue, CommandQueueProperties, Context, DeviceId, Error, Event,
-    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, Mem, MemFlags, ProfilingInfo, ProfilingInfoResult, Program,
-    ProgramBuildInfo, Status,
+    Kernel, KernelWorkGroupInfo, KernelWorkGroupInfoResult, MapFlags, Mem, MemFlags, MemMap, ProfilingInfo,
+    ProfilingInfoResult, Program, ProgramBuildInfo, Status,
 };
 
 use crate::source::entry_point;
+use crate::staged::Staged;
 
 /// Work-items of a workgroup, where the device and the kernel take so many.
 const WORKGROUP: usize = 64;
 
 /// The same where each works on a packet: few, so that cores share the work evenly.
 const WIDE_WORKGROUP: usize = 4;
+
+/// How long a wait asks before it sleeps.
+const SHORTLY: Duration = Duration::from_micros(200);
 
 /// A device's context and its queue, which runs in order.
 #[derive(Debug)]
@@ -37,6 +43,9 @@ pub(crate) struct Cl {
     patience: Option<Duration>,
     /// Kernels that nobody has waited for, with their names.
     under_way: VecDeque<(Event, &'static str)>,
+    staged: Staged,
+    /// Buffers that the host sees until the next command that may change one, and where.
+    seen: RefCell<Vec<(Mem, MemMap<u8>)>>,
 }
 
 /// A kernel that was built.
@@ -128,7 +137,16 @@ impl Cl {
             core::create_context(None, &[device], None, None).map_err(|e| Fault::new("clCreateContext", &e))?;
         let queue = core::create_command_queue(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))
             .map_err(|e| Fault::new("clCreateCommandQueue", &e))?;
-        Ok(Self { context, device, queue, lost: None, patience: None, under_way: VecDeque::new() })
+        Ok(Self {
+            context,
+            device,
+            queue,
+            lost: None,
+            patience: None,
+            under_way: VecDeque::new(),
+            staged: Staged::default(),
+            seen: RefCell::default(),
+        })
     }
 
     /// Fails where the device is gone.
@@ -167,19 +185,33 @@ impl Cl {
         Ok(mem)
     }
 
-    /// Writes into a buffer from `offset` on, after all work so far.
+    /// Writes into a buffer from `offset` on, after all work so far. What is small is copied and written later.
     pub(crate) fn write(&mut self, mem: &Mem, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.check()?;
         if data.is_empty() {
             return Ok(());
         }
+        self.unsee()?;
+        let (at, call, bytes) = (offset as usize, "clEnqueueWriteBuffer", data.len() as u64);
+        if let Some(copy) = self.staged.copy(data) {
+            let mut event = Event::null();
+            // SAFETY: the copy is kept until the write is done, and the caller has checked that it fits.
+            #[allow(unsafe_code)]
+            let sent = unsafe {
+                core::enqueue_write_buffer(&self.queue, mem, false, at, &copy, None::<Event>, Some(&mut event))
+            };
+            self.done(call, bytes, sent)?;
+            self.staged.keep(event, copy);
+            return Ok(());
+        }
         self.wait_patiently()?;
-        let at = offset as usize;
         // SAFETY: the call blocks, so that the data outlive it, and the caller has checked that they fit.
         #[allow(unsafe_code)]
         let written =
             unsafe { core::enqueue_write_buffer(&self.queue, mem, true, at, data, None::<Event>, None::<&mut Event>) };
-        self.done("clEnqueueWriteBuffer", data.len() as u64, written)
+        self.done(call, bytes, written)?;
+        self.staged.clear();
+        Ok(())
     }
 
     /// Reads from a buffer from `offset` on, after all work so far.
@@ -194,12 +226,52 @@ impl Cl {
         #[allow(unsafe_code)]
         let read =
             unsafe { core::enqueue_read_buffer(&self.queue, mem, true, at, out, None::<Event>, None::<&mut Event>) };
-        self.done("clEnqueueReadBuffer", bytes, read)
+        self.done("clEnqueueReadBuffer", bytes, read)?;
+        self.staged.clear();
+        Ok(())
+    }
+
+    /// The first bytes of a buffer where the host sees them; none while kernels are under way, and where a call fails.
+    pub(crate) fn view(&self, mem: &Mem, bytes: u64) -> Option<&[u8]> {
+        let len = usize::try_from(bytes).ok().filter(|len| *len > 0)?;
+        if self.lost.is_some() || !self.under_way.is_empty() {
+            return None;
+        }
+        let mut seen = self.seen.borrow_mut();
+        let before = seen.iter().find(|(of, _)| of.as_ptr() == mem.as_ptr()).map(|(_, map)| map.as_ptr());
+        let place = match before {
+            Some(place) => place,
+            None => {
+                let (flags, events) = (MapFlags::READ, None::<Event>);
+                // SAFETY: it is unmapped before any command that may change it, and the caller says how long it is.
+                #[allow(unsafe_code)]
+                let map = unsafe {
+                    core::enqueue_map_buffer(&self.queue, mem, true, flags, 0, len, events, None::<&mut Event>)
+                };
+                let map: MemMap<u8> = map.ok()?;
+                let place = map.as_ptr();
+                seen.push((mem.clone(), map));
+                place
+            }
+        };
+        // SAFETY: so many bytes are mapped until `unsee`, which needs this borrow to have ended.
+        #[allow(unsafe_code)]
+        Some(unsafe { slice::from_raw_parts(place, len) })
+    }
+
+    /// Gives what was seen back to the device, before a command that may change it.
+    fn unsee(&mut self) -> Result<(), DeviceError> {
+        for (mem, map) in self.seen.take() {
+            let unmapped = core::enqueue_unmap_mem_object(&self.queue, &mem, &map, None::<Event>, None::<&mut Event>);
+            self.done("clEnqueueUnmapMemObject", 0, unmapped)?;
+        }
+        Ok(())
     }
 
     /// Copies `bytes` between two buffers.
     pub(crate) fn copy(&mut self, from: &Mem, at: u64, to: &Mem, bytes: u64) -> Result<(), DeviceError> {
         self.check()?;
+        self.unsee()?;
         let (at, len) = (at as usize, bytes as usize);
         let copied = core::enqueue_copy_buffer::<u8, _, _, _>(
             &self.queue,
@@ -277,6 +349,7 @@ impl Cl {
         team: Option<u32>,
     ) -> Result<Event, DeviceError> {
         self.check()?;
+        self.unsee()?;
         for (index, arg) in (0..).zip(std::iter::once(&Arg::Bytes(constants)).chain(args)) {
             let value = match arg {
                 // SAFETY: the bytes outlive the call, which copies them.
@@ -330,6 +403,9 @@ impl Cl {
     /// waits for every kernel under way.
     fn wait_patiently(&mut self) -> Result<(), DeviceError> {
         let Some(patience) = self.patience else {
+            if let Some((last, _)) = self.under_way.back() {
+                await_shortly(last);
+            }
             self.under_way.clear();
             return Ok(());
         };
@@ -362,7 +438,9 @@ impl Cl {
         self.check()?;
         self.wait_patiently()?;
         let waited = core::finish(&self.queue);
-        self.done("clFinish", 0, waited)
+        self.done("clFinish", 0, waited)?;
+        self.staged.clear();
+        Ok(())
     }
 
     /// Nanoseconds that a kernel ran, after it has.
@@ -381,6 +459,18 @@ impl Cl {
             (ProfilingInfoResult::Start(start), ProfilingInfoResult::End(end)) => Ok(end.saturating_sub(start)),
             _ => Ok(0),
         }
+    }
+}
+
+/// Lets other threads run until a command is done, for a short time: a thread that sleeps takes as long to wake up as a
+/// small kernel runs.
+fn await_shortly(event: &Event) {
+    let begin = Instant::now();
+    // What fails is told by what waits for it.
+    while matches!(core::event_status(event), Ok(status) if status != CommandExecutionStatus::Complete)
+        && begin.elapsed() < SHORTLY
+    {
+        thread::yield_now();
     }
 }
 

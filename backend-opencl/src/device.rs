@@ -124,6 +124,12 @@ impl Device for OpenclDevice {
         self.cl.read(&self.store.buffer(id)?.mem, offset, out)
     }
 
+    fn view(&self, id: ResourceId) -> Option<&[u8]> {
+        let shared = self.info.kind != DeviceKind::DiscreteGpu;
+        let memory = self.store.buffer(id).ok().filter(|_| shared)?;
+        self.cl.view(&memory.mem, memory.bytes)
+    }
+
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
         self.cl.check()?;
         self.store.get(from)?.spec().check_publish(&self.store.get(to)?.spec())?;

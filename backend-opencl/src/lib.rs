@@ -12,6 +12,7 @@ mod clock;
 mod device;
 mod platform;
 mod source;
+mod staged;
 mod store;
 
 pub use device::OpenclDevice;

@@ -1,7 +1,7 @@
 // Packets: WIDTH lanes side by side, which kernels work on whatever WIDTH is. F, I, U and M are floats, integers, unsigned
-// integers and truths, F2 and F3 two and three floats a lane. A device that runs scalar work-items side by side has WIDTH 1, where they are
-// the language's own; one that has vector registers has as many lanes as they. `m ? a : b`, `&`, `|` and `!` of truths and
-// arithmetic are written alike for all.
+// integers and truths, F2, F3 and F4 two, three and four floats a lane. A device that runs scalar work-items side by side has
+// WIDTH 1, where they are the language's own; one that has vector registers has as many lanes as they. `m ? a : b`, `&`, `|` and
+// `!` of truths and arithmetic are written alike for all.
 
 #define PASTE(a, b) a##b
 #define OF_WIDTH(name, width) PASTE(name, width)
@@ -17,6 +17,7 @@ typedef uint U;
 typedef int M;
 typedef float2 F2;
 typedef float3 F3;
+typedef float4 F4;
 
 // Numbers of the lanes.
 #define LANE 0u
@@ -24,12 +25,15 @@ typedef float3 F3;
 #define to_int(v) convert_int(v)
 #define to_uint(v) convert_uint(v)
 #define any_lane(m) (m)
+#define first_lane(v) (v)
+#define total(v) (v)
 #define largest_lane(v) (v)
 #define smallest_lane(v) (v)
 #define largest_index(v) (v)
-// What memory holds at each lane's index.
+// What memory holds at each lane's index; of `fetch_four` vectors of four.
 #define fetch(from, i) ((from)[i])
 #define fetch_uint(from, i) ((from)[i])
+#define fetch_four(from, i) ((from)[i])
 #define as_index(v) ((uint)(v))
 #define as_signed(v) ((int)(v))
 #define as_float_lanes(v) as_float(v)
@@ -37,6 +41,8 @@ typedef float3 F3;
 // The lanes side by side in memory, and back.
 #define unpack(v, to) ((to)[0] = (v))
 #define pack(from) ((from)[0])
+// Four floats of each lane side by side in memory.
+#define together(v, to) ((to)[0] = (v))
 #define floored(v) floor(v)
 // e^x for x <= 0.
 #define exp_negative(x) exp(x)
@@ -47,6 +53,10 @@ typedef float3 F3;
 
 F3 f3(F x, F y, F z) {
     return (float3)(x, y, z);
+}
+
+F4 f4(F3 v, F w) {
+    return (float4)(v, w);
 }
 
 #else
@@ -64,6 +74,12 @@ typedef struct {
     F y;
     F z;
 } F3;
+typedef struct {
+    F x;
+    F y;
+    F z;
+    F w;
+} F4;
 
 #define to_float(v) OF_WIDTH(convert_float, WIDTH)(v)
 #define to_int(v) OF_WIDTH(convert_int, WIDTH)(v)
@@ -75,6 +91,7 @@ typedef struct {
 #define fetch(from, i) LANES_OF(F, __global const float *, from, i)
 #define fetch_uint(from, i) LANES_OF(U, __global const uint *, from, i)
 #define fetch_ushort(from, i) LANES_OF(U, __global const ushort *, (__global const ushort *)(from), i)
+#define first_lane(v) ((v).s0)
 #define MEMBER 0u
 #define MEMBERS 1u
 #define TEAM_MEETS
@@ -93,17 +110,77 @@ F3 f3(F x, F y, F z) {
     return v;
 }
 
+F4 f4(F3 v, F w) {
+    F4 four = {v.x, v.y, v.z, w};
+    return four;
+}
+
+// Four floats of each of eight lanes, as they lie in memory: of the first four lanes, and of the last.
+typedef struct {
+    float16 first;
+    float16 last;
+} Eight;
+
+// Of the first, second, third and fourth floats.
+INLINE Eight beside(float8 x, float8 y, float8 z, float8 w) {
+    float16 xy;
+    float16 zw;
+    xy.even = x;
+    xy.odd = y;
+    zw.even = z;
+    zw.odd = w;
+    ulong8 first;
+    ulong8 last;
+    first.even = as_ulong8(xy).lo;
+    first.odd = as_ulong8(zw).lo;
+    last.even = as_ulong8(xy).hi;
+    last.odd = as_ulong8(zw).hi;
+    Eight v = {as_float16(first), as_float16(last)};
+    return v;
+}
+
+// The first and the second two of the four floats of each of eight lanes.
+INLINE Eight apart(Eight v) {
+    ulong8 first = as_ulong8(v.first);
+    ulong8 last = as_ulong8(v.last);
+    Eight pairs = {as_float16((ulong8)(first.even, last.even)), as_float16((ulong8)(first.odd, last.odd))};
+    return pairs;
+}
+
+#define FOURS(from, i, a, b, c, d)                                                                                    \
+    ((float16)((from)[(i).s##a], (from)[(i).s##b], (from)[(i).s##c], (from)[(i).s##d]))
+
 #if WIDTH == 8
 
 #define LANE ((U)(0, 1, 2, 3, 4, 5, 6, 7))
 #define LANES_OF(kind, pointer, from, i)                                                                              \
     ((kind)(AT(pointer, from, i, 0), AT(pointer, from, i, 1), AT(pointer, from, i, 2), AT(pointer, from, i, 3),       \
             AT(pointer, from, i, 4), AT(pointer, from, i, 5), AT(pointer, from, i, 6), AT(pointer, from, i, 7)))
+#define fetch_four(from, i) of_lanes(FOURS(from, i, 0, 1, 2, 3), FOURS(from, i, 4, 5, 6, 7))
+
+INLINE F4 of_lanes(float16 a, float16 b) {
+    Eight v = {a, b};
+    v = apart(v);
+    F4 four = {v.first.even, v.first.odd, v.last.even, v.last.odd};
+    return four;
+}
+
+INLINE void together(F4 v, float4 *to) {
+    Eight lanes = beside(v.x, v.y, v.z, v.w);
+    vstore16(lanes.first, 0, (float *)to);
+    vstore16(lanes.last, 1, (float *)to);
+}
 
 int any_lane(M m) {
     int4 four = m.lo | m.hi;
     int2 two = four.lo | four.hi;
     return (two.x | two.y) != 0;
+}
+
+float total(F v) {
+    float4 four = v.lo + v.hi;
+    float2 two = four.lo + four.hi;
+    return two.x + two.y;
 }
 
 float largest_lane(F v) {
@@ -126,12 +203,41 @@ int largest_index(I v) {
             AT(pointer, from, i, 4), AT(pointer, from, i, 5), AT(pointer, from, i, 6), AT(pointer, from, i, 7),       \
             AT(pointer, from, i, 8), AT(pointer, from, i, 9), AT(pointer, from, i, a), AT(pointer, from, i, b),       \
             AT(pointer, from, i, c), AT(pointer, from, i, d), AT(pointer, from, i, e), AT(pointer, from, i, f)))
+#define fetch_four(from, i)                                                                                           \
+    of_lanes(FOURS(from, i, 0, 1, 2, 3), FOURS(from, i, 4, 5, 6, 7), FOURS(from, i, 8, 9, a, b),                      \
+             FOURS(from, i, c, d, e, f))
+
+INLINE F4 of_lanes(float16 a, float16 b, float16 c, float16 d) {
+    Eight low = {a, b};
+    Eight high = {c, d};
+    low = apart(low);
+    high = apart(high);
+    F4 four = {(F)(low.first.even, high.first.even), (F)(low.first.odd, high.first.odd),
+               (F)(low.last.even, high.last.even), (F)(low.last.odd, high.last.odd)};
+    return four;
+}
+
+INLINE void together(F4 v, float4 *to) {
+    Eight low = beside(v.x.lo, v.y.lo, v.z.lo, v.w.lo);
+    Eight high = beside(v.x.hi, v.y.hi, v.z.hi, v.w.hi);
+    vstore16(low.first, 0, (float *)to);
+    vstore16(low.last, 1, (float *)to);
+    vstore16(high.first, 2, (float *)to);
+    vstore16(high.last, 3, (float *)to);
+}
 
 int any_lane(M m) {
     int8 eight = m.lo | m.hi;
     int4 four = eight.lo | eight.hi;
     int2 two = four.lo | four.hi;
     return (two.x | two.y) != 0;
+}
+
+float total(F v) {
+    float8 eight = v.lo + v.hi;
+    float4 four = eight.lo + eight.hi;
+    float2 two = four.lo + four.hi;
+    return two.x + two.y;
 }
 
 float largest_lane(F v) {
@@ -173,6 +279,8 @@ INLINE F floored(F v) {
 #define INT_float4 convert_int
 #define FLOAT_float to_float
 #define FLOAT_float4 convert_float
+#define FIRST_float(v) first_lane(v)
+#define FIRST_float4(v) (v)
 #define COLORED_float 0
 #define COLORED_float4 1
 
@@ -277,28 +385,25 @@ void put(F v, __global float *to, U index, const int *marked) {
     }
 }
 
-// Stores eight floats a lane that is marked, as two vectors behind each other.
-void put_eight(__global float4 *to, U index, M kept, F3 first, F fourth, F3 second, F eighth) {
-    float values[8 * WIDTH];
+// Stores four floats a lane that is marked.
+INLINE void put_four(__global float4 *to, U index, M kept, F4 v) {
+    float4 values[WIDTH];
     uint at[WIDTH];
     int marked[WIDTH];
-    unpack(first.x, values);
-    unpack(first.y, values + WIDTH);
-    unpack(first.z, values + 2 * WIDTH);
-    unpack(fourth, values + 3 * WIDTH);
-    unpack(second.x, values + 4 * WIDTH);
-    unpack(second.y, values + 5 * WIDTH);
-    unpack(second.z, values + 6 * WIDTH);
-    unpack(eighth, values + 7 * WIDTH);
+    together(v, values);
     unpack(index, at);
     unpack(kept, marked);
     for (uint i = 0u; i < WIDTH; i++) {
         if (marked[i]) {
-            const float *v = values + i;
-            to[2u * at[i]] = (float4)(v[0], v[WIDTH], v[2 * WIDTH], v[3 * WIDTH]);
-            to[2u * at[i] + 1u] = (float4)(v[4 * WIDTH], v[5 * WIDTH], v[6 * WIDTH], v[7 * WIDTH]);
+            to[at[i]] = values[i];
         }
     }
+}
+
+// Stores eight floats a lane that is marked, as two vectors behind each other.
+void put_eight(__global float4 *to, U index, M kept, F3 first, F fourth, F3 second, F eighth) {
+    put_four(to, 2u * index, kept, f4(first, fourth));
+    put_four(to, 2u * index + 1u, kept, f4(second, eighth));
 }
 
 // Stores the first `count` lanes, one behind the other.
@@ -315,15 +420,18 @@ void put_row(F v, __global float *to, uint count) {
 }
 
 // Stores the first `count` lanes as four floats each, the last of them zero.
-void put_colors(F3 v, __global float *to, uint count) {
-    float x[WIDTH];
-    float y[WIDTH];
-    float z[WIDTH];
-    unpack(v.x, x);
-    unpack(v.y, y);
-    unpack(v.z, z);
+INLINE void put_colors(F3 v, __global float *to, uint count) {
+    float4 values[WIDTH];
+    together(f4(v, (F)(0.0f)), values);
+    if (count == WIDTH) {
+#pragma unroll
+        for (uint i = 0u; i < WIDTH; i++) {
+            vstore4(values[i], i, to);
+        }
+        return;
+    }
     for (uint i = 0u; i < count; i++) {
-        vstore4((float4)(x[i], y[i], z[i], 0.0f), i, to);
+        vstore4(values[i], i, to);
     }
 }
 

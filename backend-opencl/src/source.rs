@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use airlight_core::device::{
-    DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
+    BrickLayout, DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
 };
 use airlight_core::kernel_struct;
 use airlight_core::stage::{Classify, Inject, March, Stage, SweepParams};
@@ -109,11 +109,14 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
     // A packet an item, of stages that work on packets.
     let packets = |elements: u32| ((elements, wide), wide);
     let scalars = |elements: u32| ((elements, 1), 1);
+    // An item a unit, of stages whose packets are runs of texels.
+    let rows = ((1, 1), wide.min(BrickLayout::BLOCK));
+    let project_chunk = if wide > 1 { PROJECT_PACKETS * wide } else { 1 };
     let (file, (items, width)) = match stage {
-        Stage::Reduce(_) => (file!("reduce.cl"), scalars(1)),
-        Stage::Project(_) => (file!("project.cl"), packets(1)),
+        Stage::Reduce(_) => (file!("reduce.cl"), rows),
+        Stage::Project(_) => (file!("project.cl"), ((1, project_chunk), wide)),
         Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
-        Stage::Relight(_) => (file!("relight.cl"), scalars(1)),
+        Stage::Relight(_) => (file!("relight.cl"), packets(1)),
         Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Inject(_) => (
             file!("inject.cl"),
@@ -126,9 +129,9 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Trace(_) => (file!("trace.cl"), packets(1)),
         Stage::Shade(_) => (file!("shade.cl"), packets(1)),
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
-        Stage::Upsample(_) => (file!("upsample.cl"), scalars(March::BLOCK * March::BLOCK)),
-        Stage::Accumulate(_) => (file!("accumulate.cl"), scalars(March::BLOCK * March::BLOCK)),
-        Stage::Coarsen(_) => (file!("coarsen.cl"), scalars(1)),
+        Stage::Upsample(_) => (file!("upsample.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Coarsen(_) => (file!("coarsen.cl"), rows),
         Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
         Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
         Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),
@@ -168,6 +171,9 @@ const TEAM: u32 = 256;
 
 /// Rows that a work-item of `evaluate` goes through together, as its kernel says.
 const EVALUATE_ROWS: u32 = 4;
+
+/// Packets of cells from which a work-item of `project` fills its own, as its kernel says.
+const PROJECT_PACKETS: u32 = 4;
 
 /// Coefficients that a work-item of `sweep` adds up, as its kernel says.
 const SWEEP_TAKEN: u32 = 4;

@@ -17,8 +17,9 @@ pub(crate) enum Resource {
     Field(Volume),
 }
 
-/// Bytes behind the last texel of a slab: what is beside it has no weight, but is read with it.
-pub(crate) const ROOM: u64 = 4;
+/// Bytes behind the last texel of a slab: what is beside it, or in lanes of a run behind it, has no weight, but is read
+/// with it.
+pub(crate) const ROOM: u64 = 64;
 
 /// A buffer and the bytes that were asked for, which it may exceed.
 #[derive(Debug)]

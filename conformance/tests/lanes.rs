@@ -7,12 +7,21 @@ use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
 /// Between them they take the branches that packets and scalars write differently.
-const CASES: [&str; 5] = [
+const CASES: [&str; 14] = [
+    "stage::reduce::two_fields",
+    "stage::reduce::probes",
+    "stage::coarsen::own_emission",
+    "stage::coarsen::own_scattering",
     "stage::inject::gaussians_rotated",
     "stage::project::toward_eye_with_emission",
+    "stage::relight::layers_with_emission",
     "stage::trace::room",
     "stage::sweep::everything_between_surfaces",
     "stage::march::everything",
+    "stage::accumulate::eye_aside",
+    "stage::accumulate::rims_moved",
+    "stage::upsample::half_size_rims",
+    "stage::upsample::quarter_size_normals",
 ];
 
 #[test]

@@ -197,6 +197,8 @@ const OPENCL: Backend = Backend {
     folder: "backend-opencl/kernels",
     ending: "cl",
     own: &[
+        ("reduce", "shares", "rows of scalars are summed at once"),
+        ("coarsen", "shares", "rows of scalars are summed at once"),
         ("field", "colors", LANES),
         ("field", "grouped", GROUPS),
         ("field", "between", GROUPS),

@@ -13,15 +13,48 @@ pub(super) fn texels(shape: &Shape, width: u32) -> String {
     let (name, value) = (shape.name, shape.element.name(OPENCL));
     let mut out = if bricks { bricks::places(shape) } else { places(shape) };
     out += &held(shape, width);
-    if width == 1 || value != "float" {
-        let _ = writeln!(
-            out,
-            "{value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{\n    return texels_{name}(bound, \
-             place_{name}(bound, at.x, at.y, at.z, size, layer));\n}}"
-        );
-        out += &if bricks { bricks::uniform(shape) } else { uniform(shape) };
+    let _ = writeln!(
+        out,
+        "{value} texel_{name}(const Bound *bound, int3 at, int3 size, int layer) {{
+    TEXEL_{value} from =
+        place_{name}(bound, (INDEX_{value})(at.x), (INDEX_{value})(at.y), (INDEX_{value})(at.z), size, layer);
+    return one_{name}(bound, FIRST_{value}(from.slab), FIRST_{value}(from.place));
+}}"
+    );
+    out += &if bricks { bricks::uniform(shape) } else { uniform(shape) };
+    if value == "float" {
+        out += &run(shape, width);
     }
     out
+}
+
+/// The function that reads a run of texels along x, from one on: zeros in lanes past its last.
+fn run(shape: &Shape, width: u32) -> String {
+    let ShapeKind::Field { slabs, layered, format, .. } = shape.kind else { return String::new() };
+    let name = shape.name;
+    let halves = matches!(format, FieldFormat::Half { .. });
+    let found = match () {
+        () if width > 1 && slabs == 1 && !layered && halves => {
+            let bits =
+                format!("to_uint(OF_WIDTH(vload, WIDTH)(0, (__global const ushort *)bound->{name}_0 + place)) << 16");
+            OPENCL.scaled(format, &format!("from_half({bits})"))
+        }
+        () if width > 1 && slabs == 1 && !layered => format!("pack(bound->{name}_0 + place)"),
+        () => {
+            let hop = if layered { format!(" * bound->{name}_layers") } else { String::new() };
+            format!("texels_{name}(bound, (TEXEL_float){{from.slab, from.place + min(lane, count - 1){hop}}})")
+        }
+    };
+    format!(
+        "INLINE F run_{name}(const Bound *bound, int3 at, int count, int3 size) {{
+    I lane = as_signed(LANE);
+    TEXEL_float from = place_{name}(bound, (I)(at.x), (I)(at.y), (I)(at.z), size, 0);
+    int place = first_lane(from.place);
+    F found = {found};
+    return lane < count ? found : (F)(0.0f);
+}}
+"
+    )
 }
 
 /// The functions that find a texel of a dense field, layer fastest, then x, y and z; the same texel a slice on, within the
