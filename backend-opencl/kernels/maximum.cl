@@ -1,51 +1,69 @@
-// The maximum of the field FIELD over a coarse cell; instantiated for each field of `reduce`.
+// Sum and maximum of the field FIELD over a coarse cell; instantiated for each field of `reduce`.
 
+float share(float begin, float end, int i);
+F shares(float begin, float end, int i);
 float probe_FIELD(const Bound *bound, uint3 cell);
 
-// The maximum over every voxel that a lookup in the widened cell can touch, or over probes: over the rows of this pass.
-float maximum_FIELD(const Bound *bound, uint3 cell) {
-    if (bound->params->coarse.w > 0u) {
-        return probe_FIELD(bound, cell);
-    }
+// The sum of the voxels, each weighed by the part of it that lies in the cell, and the maximum over every voxel that a lookup
+// in the widened cell can touch; a maximum over probes touches no more than the cell. A run of texels along x at a time: up
+// the rows of a block, then block by block, so that sums are those of every layout.
+float2 gathered_FIELD(const Bound *bound, uint3 cell) {
     float3 side = bound->params->cell.xyz;
     float3 margin = bound->params->cell.w * side + REDUCE_SLACK;
-    int3 size = convert_int3(bound->params->dims.xyz);
-    float3 begin = convert_float3(cell) * side - 0.5f - margin;
-    float3 end = convert_float3(cell + 1u) * side - 0.5f + margin;
+    uint3 dims = bound->params->dims.xyz;
+    int3 size = convert_int3(dims);
+    float3 begin = convert_float3(cell) * side;
+    float3 end = convert_float3(cell + 1u) * side;
     float3 last = convert_float3(size - 1);
-    int3 lo = convert_int3(clamp(floor(begin), (float3)(0.0f), last));
-    int3 hi = convert_int3(clamp(floor(end) + 1.0f, (float3)(0.0f), last));
-    uint across = (uint)(hi.y - lo.y + 1);
-    uint rows = across * (uint)(hi.z - lo.z + 1);
-    if (uniform_FIELD(bound, lo, hi, size)) {
-        return fmax(0.0f, texel_FIELD(bound, lo, size, 0));
+    int3 lo = convert_int3(clamp(floor(begin - 0.5f - margin), (float3)(0.0f), last));
+    int3 hi = convert_int3(clamp(floor(end - 0.5f + margin) + 1.0f, (float3)(0.0f), last));
+    if (bound->params->coarse.w > 0u) {
+        lo = convert_int3(min(convert_uint3_sat(floor(begin)), dims - 1u));
+        hi = convert_int3(clamp(convert_uint3_sat(ceil(end)), (uint3)(1u), dims) - 1u);
     }
+    float sum = 0.0f;
     F most = (F)(0.0f);
-    for (uint row = bound->params->row_begin; row < min(bound->params->row_end, rows); row++) {
-        int j = lo.y + (int)(row % across);
-        int k = lo.z + (int)(row / across);
-        int i = lo.x;
-        while (i <= hi.x) {
-            int zeros = empty_FIELD(bound, (int3)(i, j, k), size);
-            if (zeros > 0) {
-                i += zeros;
-                continue;
-            }
-            int count = min(hi.x - i + 1, (int)WIDTH - i % (int)WIDTH);
-            most = greater(run_FIELD(bound, (int3)(i, j, k), count, size), most);
-            i += count;
-        }
+    // What holds zero alone adds nothing.
+    if (uniform_FIELD(bound, lo, hi, size) && texel_FIELD(bound, lo, size, 0) == 0.0f) {
+        return (float2)(0.0f);
     }
-    return largest_lane(most);
+    int block = (int)TEXEL_BLOCK;
+    int i = lo.x;
+    while (i <= hi.x) {
+        int count = min(hi.x - i + 1, (int)WIDTH - i % (int)WIDTH);
+        F sums = (F)(0.0f);
+        int below = lo.z;
+        while (below <= hi.z) {
+            int above = min(hi.z, below | (block - 1));
+            int near = lo.y;
+            while (near <= hi.y) {
+                int far = min(hi.y, near | (block - 1));
+                bool empty = empty_FIELD(bound, (int3)(i, near, below), size) > 0;
+                for (int k = below; k <= above && !empty; k++) {
+                    float share_of_slice = share(begin.z, end.z, k);
+                    for (int j = near; j <= far; j++) {
+                        F texels = run_FIELD(bound, (int3)(i, j, k), count, size);
+                        most = greater(texels, most);
+                        sums += texels * (share(begin.y, end.y, j) * share_of_slice);
+                    }
+                }
+                near = far + 1;
+            }
+            below = above + 1;
+        }
+        sum += total(sums * shares(begin.x, end.x, i));
+        i += count;
+    }
+    return (float2)(sum, largest_lane(most));
 }
 
-// The maximum of n^3 lookups, evenly spread over the cell: over the rows of this pass.
+// The maximum of n^3 lookups, evenly spread over the cell.
 float probe_FIELD(const Bound *bound, uint3 cell) {
     uint n = bound->params->coarse.w;
     int3 size = convert_int3(bound->params->dims.xyz);
     float3 side = bound->params->cell.xyz;
     F most = (F)(0.0f);
-    for (uint row = bound->params->row_begin; row < min(bound->params->row_end, n * n); row++) {
+    for (uint row = 0u; row < n * n; row++) {
         float y = (convert_float(cell.y) + (convert_float(row % n) + 0.5f) / convert_float(n)) * side.y - 0.5f;
         float z = (convert_float(cell.z) + (convert_float(row / n) + 0.5f) / convert_float(n)) * side.z - 0.5f;
         for (uint i = 0u; i < n; i += WIDTH) {

@@ -197,8 +197,8 @@ const OPENCL: Backend = Backend {
     folder: "backend-opencl/kernels",
     ending: "cl",
     own: &[
-        ("reduce", "shares", "rows of scalars are summed at once"),
-        ("coarsen", "shares", "rows of scalars are summed at once"),
+        ("reduce", "shares", "the parts of a run of texels"),
+        ("coarsen", "shares", "the parts of a run of texels"),
         ("field", "colors", LANES),
         ("field", "grouped", GROUPS),
         ("field", "between", GROUPS),

@@ -3,7 +3,7 @@
 //! helpers that kernels share, and the kernel's own file. What goes into it is said here once for every language; a
 //! backend brings its files and how its language declares what a stage binds.
 
-use super::{Binding, BindingAccess, FieldFormat, KernelElement, KernelStruct, Layout};
+use super::{Binding, BindingAccess, BrickLayout, FieldFormat, KernelElement, KernelStruct, Layout};
 use crate::basis::SphericalHarmonics;
 use crate::blue_noise;
 use crate::media::{FractalNoise, LARGEST};
@@ -369,6 +369,7 @@ impl Recipe {
             ("JITTER_SIDE", blue_noise::SIDE),
             ("ALL_STEPS", March::ALL_STEPS),
             ("ALL_ROWS", Reduce::ALL_ROWS),
+            ("TEXEL_BLOCK", BrickLayout::BLOCK),
             ("LANES", Project::LANES),
             ("NEIGHBORS", Obstruct::NEIGHBORS),
             ("BRICK", Inject::BRICK),
