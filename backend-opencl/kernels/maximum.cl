@@ -1,12 +1,19 @@
 // Sum and maximum of the field FIELD over a coarse cell; instantiated for each field of `reduce`.
 
+// Columns of voxels whose sums are held at once.
+#if WIDTH == 1
+#define COLUMNS 1
+#else
+#define COLUMNS 64
+#endif
+
 float share(float begin, float end, int i);
 F shares(float begin, float end, int i);
 float probe_FIELD(const Bound *bound, uint3 cell);
 
 // The sum of the voxels, each weighed by the part of it that lies in the cell, and the maximum over every voxel that a lookup
-// in the widened cell can touch; a maximum over probes touches no more than the cell. A run of texels along x at a time: up
-// the rows of a block, then block by block, so that sums are those of every layout.
+// in the widened cell can touch; a maximum over probes touches no more than the cell. Columns of texels are added up
+// side by side, up the rows of a block, then block by block, so that sums are those of every layout.
 float2 gathered_FIELD(const Bound *bound, uint3 cell) {
     float3 side = bound->params->cell.xyz;
     float3 margin = bound->params->cell.w * side + REDUCE_SLACK;
@@ -28,31 +35,41 @@ float2 gathered_FIELD(const Bound *bound, uint3 cell) {
         return (float2)(0.0f);
     }
     int block = (int)TEXEL_BLOCK;
-    int i = lo.x;
-    while (i <= hi.x) {
-        int count = min(hi.x - i + 1, (int)WIDTH - i % (int)WIDTH);
-        F sums = (F)(0.0f);
-        int below = lo.z;
-        while (below <= hi.z) {
-            int above = min(hi.z, below | (block - 1));
-            int near = lo.y;
-            while (near <= hi.y) {
-                int far = min(hi.y, near | (block - 1));
-                bool empty = empty_FIELD(bound, (int3)(i, near, below), size) > 0;
-                for (int k = below; k <= above && !empty; k++) {
-                    float share_of_slice = share(begin.z, end.z, k);
-                    for (int j = near; j <= far; j++) {
-                        F texels = run_FIELD(bound, (int3)(i, j, k), count, size);
-                        most = greater(texels, most);
-                        sums += texels * (share(begin.y, end.y, j) * share_of_slice);
+    float columns[COLUMNS + WIDTH];
+    int first = lo.x;
+    while (first <= hi.x) {
+        int to = min(hi.x, first + (int)COLUMNS - 1);
+        int i = first;
+        while (i <= to) {
+            int count = min(to - i + 1, stretch_FIELD(i));
+            F sums = (F)(0.0f);
+            int below = lo.z;
+            while (below <= hi.z) {
+                int above = min(hi.z, below | (block - 1));
+                int near = lo.y;
+                while (near <= hi.y) {
+                    int far = min(hi.y, near | (block - 1));
+                    bool empty = empty_FIELD(bound, (int3)(i, near, below), size) > 0;
+                    for (int k = below; k <= above && !empty; k++) {
+                        float share_of_slice = share(begin.z, end.z, k);
+                        for (int j = near; j <= far; j++) {
+                            F texels = run_FIELD(bound, (int3)(i, j, k), count, size);
+                            most = greater(texels, most);
+                            sums += texels * (share(begin.y, end.y, j) * share_of_slice);
+                        }
                     }
+                    near = far + 1;
                 }
-                near = far + 1;
+                below = above + 1;
             }
-            below = above + 1;
+            unpack(sums, columns + (i - first));
+            i += count;
         }
-        sum += total(sums * shares(begin.x, end.x, i));
-        i += count;
+        for (i = first; i <= to; i += (int)WIDTH) {
+            F weights = shares(begin.x, end.x, i);
+            sum += total(weights > 0.0f ? pack(columns + (i - first)) * weights : (F)(0.0f));
+        }
+        first = to + 1;
     }
     return (float2)(sum, largest_lane(most));
 }

@@ -113,7 +113,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
     let rows = ((1, 1), wide.min(BrickLayout::BLOCK));
     let project_chunk = if wide > 1 { PROJECT_PACKETS * wide } else { 1 };
     let (file, (items, width)) = match stage {
-        Stage::Reduce(_) => (file!("reduce.cl"), rows),
+        Stage::Reduce(_) => (file!("reduce.cl"), ((1, 1), wide)),
         Stage::Project(_) => (file!("project.cl"), ((1, project_chunk), wide)),
         Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
         Stage::Relight(_) => (file!("relight.cl"), packets(1)),

@@ -42,8 +42,8 @@ INLINE I beside_{name}(const Bound *bound, I x, int3 size) {{
     )
 }
 
-/// Whether all blocks from that of one texel to that of another are few and share a brick of one value; and how many texels along x,
-/// from one on, lie in a block that holds zero.
+/// Whether all blocks from that of one texel to that of another are few and share a brick of one value; how many texels along x,
+/// from one on, lie in a block that holds zero; and how many at the most lie one after the other.
 pub(super) fn uniform(shape: &Shape) -> String {
     let (name, block, most) = (shape.name, BrickLayout::BLOCK, BrickLayout::SAME);
     format!(
@@ -71,6 +71,9 @@ int empty_{name}(const Bound *bound, int3 at, int3 size) {{
         return {block} - (at.x & {MASK});
     }}
     return 0;
+}}
+int stretch_{name}(int i) {{
+    return min((int)WIDTH, {block} - (i & {MASK}));
 }}
 "
     )

@@ -169,6 +169,7 @@ fn uniform(shape: &Shape) -> String {
     let name = shape.name;
     format!(
         "bool uniform_{name}(const Bound *bound, int3 lo, int3 hi, int3 size) {{\n    return false;\n}}\nint \
-         empty_{name}(const Bound *bound, int3 at, int3 size) {{\n    return 0;\n}}\n"
+         empty_{name}(const Bound *bound, int3 at, int3 size) {{\n    return 0;\n}}\nint stretch_{name}(int i) {{\n    \
+         return (int)WIDTH;\n}}\n"
     )
 }
