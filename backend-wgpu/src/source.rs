@@ -6,12 +6,13 @@ use std::fmt::Write as _;
 use airlight_core::device::{FieldFormat, Helper, KernelElement, KernelFile, KernelLanguage, KernelScalar};
 use airlight_core::device::{KernelStruct, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Inject, Stage, SweepParams};
+use airlight_core::stage::{Inject, Stage};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
 pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
 
 mod reads;
+pub(crate) mod sweep;
 
 const WGSL: KernelLanguage = KernelLanguage::Wgsl;
 
@@ -32,8 +33,8 @@ kernel_struct! {
         runs: U32,
         /// By how many of them one follows the other, where the driver gives each core as many workgroups in a row.
         stride: U32,
-        /// Unused.
-        unused: U32,
+        /// The unit past the last of those that a workgroup of a sweep takes in order, from `first` on.
+        past: U32,
     }
 }
 
@@ -185,6 +186,12 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
+    /// What the kernel may know of its parameters.
+    pub(crate) fn places(&self) -> Vec<Place> {
+        let structs: String = self.recipe.structs.iter().map(|text| text(WGSL)).collect();
+        places(&structs, self.recipe.params)
+    }
+
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
     fn uneven(&self) -> bool {
         self.recipe.helpers.contains(&Helper::Mesh)
@@ -237,13 +244,9 @@ pub(crate) fn index_binding(index: usize) -> u32 {
     slab_binding(index, 1)
 }
 
-/// What kernels may know of their parameters; of none, those of `sources_toward`.
-pub(crate) fn places(source: Option<&Source>) -> Vec<Place> {
-    let (structs, params) = match source {
-        Some(source) => (source.recipe.structs.iter().map(|text| text(WGSL)).collect(), source.recipe.params),
-        None => (SweepParams::text(WGSL), SweepParams::NAME),
-    };
-    reads::places(&structs, params).into_iter().map(|(_, place)| place).collect()
+/// What kernels of a struct of parameters, of which `structs` is the text, may know of it.
+pub(crate) fn places(structs: &str, params: &str) -> Vec<Place> {
+    reads::places(structs, params).into_iter().map(|(_, place)| place).collect()
 }
 
 /// A kernel's text, with what is known of its parameters where it copies them. Lines stay where they are.
@@ -349,26 +352,6 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
     text.push("generated", &prelude);
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
     text
-}
-
-/// The kernel that sums, for bindings of these shapes, what cells scatter toward the directions of a batch of `sweep`.
-pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
-    let mut text = Text::default();
-    let structs = SweepParams::text(WGSL);
-    let mut prelude = structs.clone()
-        + &uniforms(SweepParams::NAME, false)
-        + &kept(SweepParams::NAME, variant.known)
-        + &WGSL.integer("UNITS", variant.units);
-    for (index, shape) in shapes.iter().enumerate() {
-        prelude += &match shape.kind {
-            ShapeKind::Write => buffer(shape, index),
-            _ if variant.fetched.has(index) => reads::texels(shape, index, ""),
-            _ => reads::memory(shape, index),
-        };
-    }
-    text.push("generated", &prelude);
-    text.push("src/sources.wgsl", include_str!("sources.wgsl"));
-    specialised(text, &structs, SweepParams::NAME, variant.known)
 }
 
 mod bricks;
