@@ -159,7 +159,7 @@ impl WgpuDevice {
                 Ok(Shot { range: piece.range, first, past, bound })
             });
             let shots = shots.collect::<Result<_, DeviceError>>()?;
-            let units = if part.alone { self.units } else { 1 };
+            let units = part.taken(self.units, self.texels);
             let (params, sequential) = (stage.params(), part.sequential);
             Ok(Launches { pipeline, params, units, sequential, copies, shots })
         });

@@ -119,8 +119,6 @@ pub(crate) struct Part {
     pub(crate) axis: u32,
     pub(crate) group: u32,
     pub(crate) range: Range<u32>,
-    /// Whether an invocation takes a unit, or an item of a unit; else a workgroup does.
-    pub(crate) alone: bool,
     /// Where units run in order, one a dispatch: the items of a unit.
     pub(crate) sequential: Option<u32>,
     /// In place of the groups of the buffers that are bound in parts: steps of the stage that a workgroup takes in order, or the
@@ -149,7 +147,6 @@ impl Part {
             axis: stage.axis(),
             group: stage.group(),
             range,
-            alone: source.alone,
             sequential: stage.sequential(),
             steps: None,
             gathers: false,
@@ -171,12 +168,21 @@ impl Part {
             axis: range.end,
             group: 1,
             range,
-            alone: true,
             sequential: Some(items),
             steps: None,
             gathers: false,
             holds,
             kernel: Kernel::Sweep(kernel),
+        }
+    }
+
+    /// Units of the work axis, or items of a unit, that a workgroup takes, of so many invocations where those work alone; `known` is
+    /// whether kernels know their parameters.
+    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+        match &self.kernel {
+            Kernel::Stage(source) => source.taken(units, known),
+            Kernel::Sweep(Kind::Rows) => 1,
+            Kernel::Sweep(Kind::Toward | Kind::Moments) => units,
         }
     }
 
@@ -249,7 +255,7 @@ impl WgpuDevice {
                     for step in (begin..end).step_by(most as usize) {
                         let part = Part::of_sweep(Kind::Rows, bindings.clone(), Some("radiance"), (0..taken, 0));
                         let steps = Some(step..end.min(step + most));
-                        parts.push(Part { steps, alone: false, sequential: None, ..part });
+                        parts.push(Part { steps, sequential: None, ..part });
                     }
                 } else {
                     let mut part = Part { range: begin..end, ..Part::of(stage, range.clone()) };

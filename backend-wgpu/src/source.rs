@@ -143,6 +143,10 @@ impl Default for Variant<'_> {
 /// Invocations of a workgroup on every device that the kernels run on.
 pub(crate) const UNITS: u32 = 64;
 
+/// Cells that a workgroup of `project` takes on drivers that run on processors, so that a packet of invocations marches from
+/// neighbours along one direction.
+const CELLS: u32 = 8;
+
 /// What is known of each [`Place`] of a kernel's parameters, in their order; nothing where it is left to the parameters.
 pub(crate) type Numbers = Vec<Option<Fact>>;
 
@@ -192,6 +196,16 @@ impl Source {
         places(&structs, self.recipe.params)
     }
 
+    /// Units of the work axis that a workgroup of so many invocations takes, which work alone or not; on drivers that run on
+    /// processors, if that is what `known` says.
+    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+        match (self.alone, self.name) {
+            (true, _) => units,
+            (false, "project") if known => CELLS,
+            (false, _) => 1,
+        }
+    }
+
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
     fn uneven(&self) -> bool {
         self.recipe.helpers.contains(&Helper::Mesh)
@@ -207,6 +221,7 @@ impl Source {
             + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
+        prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
