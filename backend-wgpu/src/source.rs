@@ -147,6 +147,9 @@ pub(crate) const UNITS: u32 = 64;
 /// neighbours along one direction.
 const CELLS: u32 = 8;
 
+/// Steps of its walk that a path takes at a turn on those drivers.
+const WALKED: u32 = 6;
+
 /// What is known of each [`Place`] of a kernel's parameters, in their order; nothing where it is left to the parameters.
 pub(crate) type Numbers = Vec<Option<Fact>>;
 
@@ -222,6 +225,7 @@ impl Source {
         prelude += &WGSL.truth("GATHERS", gathers);
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
+        prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
