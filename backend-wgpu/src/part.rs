@@ -8,7 +8,7 @@ use airlight_core::stage::{Kernel as _, Stage, Sweep};
 
 use crate::WgpuDevice;
 use crate::memory::Resource;
-use crate::source::sweep::Kernel as Kind;
+use crate::source::sweep::{ABREAST, Kernel as Kind};
 use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant};
 use crate::texels;
 
@@ -221,7 +221,7 @@ impl WgpuDevice {
         let (steps, planes) = (p.batch_steps(), p.cells[3]);
         let fours = p.count().div_ceil(4);
         // Planes that a workgroup may take one after the other, by its turns of loops.
-        let turns = 1 + (p.plane / 4 + planes).div_ceil(self.units) * (1 + p.channels);
+        let turns = 1 + (p.plane / 4 + planes).div_ceil(ABREAST) * (1 + p.channels);
         let most = (self.info.limits.loop_turns.unwrap_or(u32::MAX) / turns).max(1);
         let optics = Binding::read("optics", Some(sweep.optics));
         let mut parts = Vec::new();
