@@ -57,10 +57,10 @@ fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
     return found;
 }
 
-// Whether a triangle stands within `limit` metres.
-fn blocked(way: Line, limit: f32) -> bool {
+// Whether a triangle of boxes from `begin` on stands within `limit` metres.
+fn blocked(way: Line, limit: f32, begin: u32) -> bool {
     var stands = false;
-    var node = 0u;
+    var node = begin;
     while node < params.nodes {
         var leaf = 0u;
         loop {
@@ -79,6 +79,21 @@ fn blocked(way: Line, limit: f32) -> bool {
         }
     }
     return stands;
+}
+
+// The first box of triangles that reaches into that from `lower` to `upper`; the number of boxes where none does.
+fn first_within(lower: vec3<f32>, upper: vec3<f32>) -> u32 {
+    var node = 0u;
+    var found = params.nodes;
+    while node < params.nodes {
+        let low = read_mesh(2u * node);
+        let high = read_mesh(2u * node + 1u);
+        let meets = all(lower <= vec3<f32>(high.x, high.y, high.z)) && all(upper >= vec3<f32>(low.x, low.y, low.z));
+        let last = meets && (high.number & MESH_COUNT_MASK) != 0u;
+        found = select(found, node, last);
+        node = select(select(low.number, node + 1u, meets), params.nodes, last);
+    }
+    return found;
 }
 
 // Steps on from a box: what stands for its triangles where the ray meets it, else none.

@@ -52,7 +52,9 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
     var way = resume(record);
     var on = kept(record);
     var numbers = draws(pixel, u32(light.w), params.frame, record.count.y);
-    for (var turns = 0u; turns < params.turns; turns++) {
+    // Loops turn once more than they have to, where drivers count.
+    let taken = select(WALKED + 2u, 1u, WALKED == 1u);
+    for (var turns = 0u; turns < params.turns; turns += taken) {
         var sets_out = true;
         if way.mode == PATH_IDLE || way.mode == PATH_DEPART {
             if way.mode == PATH_DEPART {
@@ -67,7 +69,7 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
             }
             meet(&way);
         } else {
-            sets_out = turn(here, &way, &on, &numbers);
+            sets_out = turn(here, &way, &on, &numbers, min(WALKED, params.turns - turns));
             if sets_out {
                 sets_out = scatter(&way, &numbers);
             }
@@ -199,11 +201,21 @@ fn limit(way: Way, here: u32) -> f32 {
     return way.surface;
 }
 
-// A turn of a walk. Whether the path scatters where it now is.
-fn turn(here: u32, way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<function, Draws>) -> bool {
-    if (*on).over {
+// A turn of a walk: some steps, and its end. Whether the path scatters where it now is. What else happens to paths takes longer
+// than a step, and drivers that run both sides of every condition take that at every turn of any path.
+fn turn(here: u32, way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<function, Draws>, steps: u32) -> bool {
+    var scatters = false;
+    for (var k = 0u; (k < steps) & !scatters & !(*on).over & ((*way).mode != PATH_IDLE); k++) {
+        scatters = step(way, on, numbers);
+    }
+    if !scatters && (*on).over && (*way).mode != PATH_IDLE {
         return arrive(here, way, numbers);
     }
+    return scatters;
+}
+
+// A step of a walk. Whether the path scatters where it now is.
+fn step(way: ptr<function, Way>, on: ptr<function, Walk>, numbers: ptr<function, Draws>) -> bool {
     let rate = advance(on, numbers);
     if rate == 0.0 {
         return false;
@@ -438,7 +450,7 @@ fn look(way: ptr<function, Way>, at: Spot, numbers: ptr<function, Draws>) -> boo
     }
     if has_mesh {
         let free = distance - MESH_MARGIN * params.mesh_eye.w;
-        if blocked(line(from_mesh((*way).place), toward), free) {
+        if blocked(line(from_mesh((*way).place), toward), free, 0u) {
             return false;
         }
     }

@@ -1,9 +1,10 @@
-// `project`: records of directional light at the cells of a coarse grid. One workgroup a cell: its invocations first
-// march along a batch of directions, then each sums its own values of the record over the batch, in the order of the
-// directions.
+// `project`: records of directional light at the cells of a coarse grid. One workgroup CELLS cells, which lie beside each other:
+// the PARTS invocations of each first march along a batch of directions, then each sums its own values of the record over the
+// batch, in the order of the directions.
 
+const PARTS: u32 = LANES / CELLS;
 // Values of a record and of the emission's moments that one invocation may have to sum.
-const SLOTS: u32 = (6u * HARMONICS_MAX + LANES - 1u) / LANES;
+const SLOTS: u32 = (6u * HARMONICS_MAX + PARTS - 1u) / PARTS;
 
 var<workgroup> transmittances: array<vec3<f32>, LANES>;
 var<workgroup> glows: array<vec3<f32>, LANES>;
@@ -18,16 +19,19 @@ fn phase_size() -> u32 {
 
 @compute @workgroup_size(LANES)
 fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let n = number(id);
-    if n >= launch.count {
+    let begin = number(id) * CELLS;
+    if begin >= launch.count {
         return;
     }
-    let cell = launch.start + n;
+    let part = lane / CELLS;
+    let n = begin + lane % CELLS;
+    let last = launch.count - 1u;
+    let cell = launch.start + min(n, last);
     let place = cell - launch.first;
     let channels = max(params.channels, params.weight_channels);
     let values = params.coefficients * channels;
     let glow_values = params.emission_coefficients * 3u;
-    let used = (values + glow_values + LANES - 1u) / LANES;
+    let used = (values + glow_values + PARTS - 1u) / PARTS;
     var sums: array<f32, SLOTS>;
     if params.direction_begin > 0u {
         // The sums of the passes before.
@@ -35,7 +39,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
             if slot >= used {
                 break;
             }
-            let v = slot * LANES + lane;
+            let v = slot * PARTS + part;
             if v < values {
                 sums[slot] = records[place * values + v];
             } else if v < values + glow_values {
@@ -44,40 +48,48 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         }
     }
     var occupied = true;
+    var any = true;
     if has_occupancy {
         occupied = read_occupancy(place).y > 0.0;
+        any = false;
+        for (var i = 0u; i < CELLS; i++) {
+            any = any || read_occupancy(launch.start + min(begin + i, last) - launch.first).y > 0.0;
+        }
     }
-    if occupied {
+    if any {
         let x = cell % params.cells.x;
         let y = cell / params.cells.x % params.cells.y;
         let z = cell / params.cells.x / params.cells.y;
         let side = params.cell.xyz;
         let origin = vec3<f32>(vec3<u32>(x, y, z)) * side + (0.5 * side - 0.5);
-        for (var first = params.direction_begin; first < params.direction_end; first += LANES) {
-            let batch = min(LANES, params.direction_end - first);
-            if lane < batch {
-                gather(origin, read_directions(first + lane).xyz, lane);
+        for (var first = params.direction_begin; first < params.direction_end; first += PARTS) {
+            let batch = min(PARTS, params.direction_end - first);
+            if occupied && part < batch {
+                gather(origin, read_directions(first + part).xyz, lane);
             }
             workgroupBarrier();
             for (var slot = 0u; slot < SLOTS; slot++) {
-            if slot >= used {
-                break;
-            }
-                let v = slot * LANES + lane;
-                if v < values {
-                    sums[slot] = sum_record(sums[slot], v, channels, first, batch);
-                } else if v < values + glow_values {
-                    sums[slot] = sum_glow(sums[slot], v - values, first, batch);
+                if slot >= used {
+                    break;
+                }
+                let v = slot * PARTS + part;
+                if occupied && v < values {
+                    sums[slot] = sum_record(sums[slot], v, channels, first, batch, lane % CELLS);
+                } else if occupied && v < values + glow_values {
+                    sums[slot] = sum_glow(sums[slot], v - values, first, batch, lane % CELLS);
                 }
             }
             workgroupBarrier();
         }
     }
+    if n > last {
+        return;
+    }
     for (var slot = 0u; slot < SLOTS; slot++) {
-            if slot >= used {
-                break;
-            }
-        let v = slot * LANES + lane;
+        if slot >= used {
+            break;
+        }
+        let v = slot * PARTS + part;
         if v < values {
             records[place * values + v] = sums[slot];
         } else if v < values + glow_values {
@@ -112,8 +124,8 @@ fn extinction() -> vec3<f32> {
     return select(params.extinction.xxx, params.extinction.xyz, params.channels == 3u);
 }
 
-// Value `v` of the record: its sum so far, and the directions of the batch.
-fn sum_record(sum: f32, v: u32, channels: u32, first: u32, batch: u32) -> f32 {
+// Value `v` of the record of one of the cells: its sum so far, and the directions of the batch.
+fn sum_record(sum: f32, v: u32, channels: u32, first: u32, batch: u32, cell: u32) -> f32 {
     let k = v / channels;
     let c = v % channels;
     let stride = params.coefficients * params.weight_channels;
@@ -121,18 +133,18 @@ fn sum_record(sum: f32, v: u32, channels: u32, first: u32, batch: u32) -> f32 {
     let channel = select(0u, c, params.channels == 3u);
     var total = sum;
     for (var i = 0u; i < batch; i++) {
-        total += transmittances[i][channel] * read_weights((first + i) * stride + at);
+        total += transmittances[i * CELLS + cell][channel] * read_weights((first + i) * stride + at);
     }
     return total;
 }
 
-// Value `v` of the emission's moments: its sum so far, and the directions of the batch.
-fn sum_glow(sum: f32, v: u32, first: u32, batch: u32) -> f32 {
+// Value `v` of the emission's moments of one of the cells: its sum so far, and the directions of the batch.
+fn sum_glow(sum: f32, v: u32, first: u32, batch: u32, cell: u32) -> f32 {
     let k = v / 3u;
     let c = v % 3u;
     var total = sum;
     for (var i = 0u; i < batch; i++) {
-        total += glows[i][c] * read_emission_weights((first + i) * params.emission_coefficients + k);
+        total += glows[i * CELLS + cell][c] * read_emission_weights((first + i) * params.emission_coefficients + k);
     }
     return total;
 }

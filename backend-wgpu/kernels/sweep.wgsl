@@ -106,7 +106,7 @@ fn obstructs(cell: u32, hop: vec3<i32>) -> bool {
     return ((read_obstructed(cell) >> (bit.z * 9u + bit.y * 3u + bit.x)) & 1u) == 1u;
 }
 
-// The source function of a cell toward direction `n` of the batch, which `sources_toward` summed.
+// The source function of a cell toward direction `n` of the batch, which `sweep_toward` summed.
 fn source(n: u32, channel: u32, cell: u32) -> f32 {
     let count = params.cells.x * params.cells.y * params.cells.z;
     return read_sources((n * params.channels + channel) * count + cell);

@@ -107,7 +107,7 @@ impl WgpuDevice {
         };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
-            variant.fetched = self.store.fetched(&shapes, bindings, variant.filtered, &self.limits);
+            variant.fetched = self.store.fetched(&shapes, bindings, (variant.filtered, part.holds), &self.limits);
         }
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
@@ -152,13 +152,14 @@ impl WgpuDevice {
         }
         let launches = prepared.iter().map(|(part, cut, pipeline, fetched)| {
             let copies = self.store.stale(&part.bindings, *fetched);
-            self.store.wrote(&part.bindings);
+            self.store.wrote(&part.bindings, *fetched);
             let shots = cut.pieces(part.range.clone()).map(|piece| {
                 let bound = self.store.bound(&part.bindings, *fetched, |binding| piece.window(binding))?;
-                Ok(Shot { range: piece.range, first: part.first.unwrap_or(piece.groups.start), bound })
+                let Range { start: first, end: past } = part.steps.clone().unwrap_or(piece.groups);
+                Ok(Shot { range: piece.range, first, past, bound })
             });
             let shots = shots.collect::<Result<_, DeviceError>>()?;
-            let units = if part.alone { self.units } else { 1 };
+            let units = part.taken(self.units, self.texels);
             let (params, sequential) = (stage.params(), part.sequential);
             Ok(Launches { pipeline, params, units, sequential, copies, shots })
         });
@@ -208,7 +209,10 @@ impl Device for WgpuDevice {
         resource.spec().check_write(offset, data)?;
         match resource {
             Resource::Buffer(memory) => {
-                memory.changed();
+                if let Some(copy) = memory.settled() {
+                    copy.encode(self.gpu.copies()?);
+                }
+                memory.changed(None);
                 self.gpu.write_buffer(&memory.buffer, offset, data)
             }
             Resource::Field(volume) => volume.write(&mut self.gpu, offset, data),
@@ -219,7 +223,11 @@ impl Device for WgpuDevice {
         self.gpu.enter()?;
         self.store.get(id)?.spec().check_read(offset, out.len())?;
         self.gpu.count(|made| &mut made.reads);
-        self.gpu.read(&self.store.buffer(id)?.buffer, offset, out)
+        let memory = self.store.buffer(id)?;
+        if let Some(copy) = memory.settled() {
+            copy.encode(self.gpu.copies()?);
+        }
+        self.gpu.read(&memory.buffer, offset, out)
     }
 
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
@@ -243,11 +251,11 @@ impl Device for WgpuDevice {
             let shots = cut.pieces(0..texels).map(|piece| {
                 let bound = self.store.bound(&binding, Fetched::default(), |binding| piece.window(binding))?;
                 let bound = Bound { textures: vec![(0, view)], ..bound };
-                Ok(Shot { range: piece.range, first: piece.groups.start, bound })
+                Ok(Shot { range: piece.range, first: piece.groups.start, past: piece.groups.end, bound })
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), self.units);
-            let copies = Vec::new();
+            let copies = self.store.stale(&binding, Fetched::default());
             let launches = Launches { pipeline: &pipeline, params, units, sequential: None, copies, shots };
             launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;
         }

@@ -23,6 +23,8 @@ pub(crate) struct Shot<'s> {
     pub(crate) range: Range<u32>,
     /// First group of the buffers that are bound in parts.
     pub(crate) first: u32,
+    /// The unit past the last of those that a workgroup of a sweep takes in order, from `first` on.
+    pub(crate) past: u32,
     pub(crate) bound: Bound<'s>,
 }
 
@@ -113,10 +115,10 @@ impl Launches<'_> {
         let place = |(shot, start, count): (&Shot<'_>, u32, u32)| {
             let workgroups = count.div_ceil(self.units);
             let across = workgroups.min(most).max(1);
-            let first = shot.first;
+            let Shot { first, past, .. } = *shot;
             let runs = workgroups / RUN;
             let launch =
-                Launch { start, count, first, across, infinity: f32::INFINITY, runs, stride: stride(runs), unused: 0 };
+                Launch { start, count, first, across, infinity: f32::INFINITY, runs, stride: stride(runs), past };
             (gpu.batch.push_params(bytemuck::bytes_of(&launch)), [across, workgroups.div_ceil(across)])
         };
         let dispatches = self.dispatches().map(place).collect();

@@ -9,7 +9,7 @@ use crate::atlas::{Atlas, extent};
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
 use crate::staging::Block;
-use crate::texels::Texels;
+use crate::texels::{Copy, Texels};
 
 /// A resource.
 #[derive(Debug)]
@@ -28,9 +28,19 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Books that it was written.
-    pub(crate) fn changed(&self) {
-        self.texels.iter().for_each(|texels| texels.fresh.set(false));
+    /// Books that it was written, itself or by a kernel that keeps it in texels of so many words.
+    pub(crate) fn changed(&self, held: Option<u32>) {
+        for texels in &self.texels {
+            let written = held.is_some_and(|words| texels.of(words));
+            texels.fresh.set(written);
+            texels.ahead.set(written);
+        }
+    }
+
+    /// The copy that must be made before the buffer itself is used, of what kernels wrote in its place. It counts as made.
+    pub(crate) fn settled(&self) -> Option<Copy<'_>> {
+        let texels = self.texels.iter().find(|texels| texels.ahead.replace(false))?;
+        Some(Copy { buffer: &self.buffer, bytes: self.bytes, texels, back: true })
     }
 }
 

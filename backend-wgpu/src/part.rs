@@ -3,17 +3,17 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use airlight_core::device::{Binding, Buf, DeviceError, ResourceId, ResourceSpec, Usage};
-use airlight_core::stage::{Stage, Sweep};
+use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError, ResourceId, ResourceSpec, Usage};
+use airlight_core::stage::{Kernel as _, Stage, Sweep};
 
 use crate::WgpuDevice;
 use crate::memory::Resource;
+use crate::source::sweep::{ABREAST, Kernel as Kind};
 use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant};
+use crate::texels;
 
 /// Memory of our own, for what kernels of a stage hand to each other. Executors count ids from 0.
 const SCRATCH: ResourceId = ResourceId(u32::MAX);
-/// Coefficients that an invocation of `sweep` adds.
-const GATHERED: u32 = 4;
 
 /// What decides a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -119,15 +119,22 @@ pub(crate) struct Part {
     pub(crate) axis: u32,
     pub(crate) group: u32,
     pub(crate) range: Range<u32>,
-    /// Whether an invocation takes a unit, or an item of a unit; else a workgroup does.
-    pub(crate) alone: bool,
     /// Where units run in order, one a dispatch: the items of a unit.
     pub(crate) sequential: Option<u32>,
-    /// In place of the first group of the buffers that are bound in parts.
-    pub(crate) first: Option<u32>,
+    /// In place of the groups of the buffers that are bound in parts: steps of the stage that a workgroup takes in order, or the
+    /// first direction of a batch.
+    pub(crate) steps: Option<Range<u32>>,
     pub(crate) gathers: bool,
-    /// None for `sources_toward`.
-    source: Option<source::Source>,
+    /// What it writes as a storage texture, on drivers that read those.
+    pub(crate) holds: Option<&'static str>,
+    kernel: Kernel,
+}
+
+/// A stage's own kernel, or one of those that `sweep` is put together from.
+#[derive(Debug)]
+enum Kernel {
+    Stage(source::Source),
+    Sweep(Kind),
 }
 
 impl Part {
@@ -140,24 +147,58 @@ impl Part {
             axis: stage.axis(),
             group: stage.group(),
             range,
-            alone: source.alone,
             sequential: stage.sequential(),
-            first: None,
+            steps: None,
             gathers: false,
-            source: Some(source),
+            holds: None,
+            kernel: Kernel::Stage(source),
+        }
+    }
+
+    /// A kernel that `sweep` is put together from, of so many `items` in each of its steps `range`.
+    fn of_sweep(
+        kernel: Kind,
+        bindings: Vec<Binding>,
+        holds: Option<&'static str>,
+        (range, items): (Range<u32>, u32),
+    ) -> Self {
+        Self {
+            name: kernel.name(),
+            bindings,
+            axis: range.end,
+            group: 1,
+            range,
+            sequential: Some(items),
+            steps: None,
+            gathers: false,
+            holds,
+            kernel: Kernel::Sweep(kernel),
+        }
+    }
+
+    /// Units of the work axis, or items of a unit, that a workgroup takes, of so many invocations where those work alone; `known` is
+    /// whether kernels know their parameters.
+    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+        match &self.kernel {
+            Kernel::Stage(source) => source.taken(units, known),
+            Kernel::Sweep(Kind::Rows) => 1,
+            Kernel::Sweep(Kind::Toward | Kind::Moments) => units,
         }
     }
 
     /// What the kernel may know of the parameters.
     pub(crate) fn places(&self) -> Vec<Place> {
-        source::places(self.source.as_ref())
+        match &self.kernel {
+            Kernel::Stage(source) => source.places(),
+            Kernel::Sweep(kernel) => kernel.places(),
+        }
     }
 
     /// The kernel's text.
     pub(crate) fn text(&self, shapes: &[Shape], variant: Variant<'_>) -> Text {
-        match &self.source {
-            Some(source) => source.text(shapes, variant),
-            None => source::sources_text(shapes, variant),
+        match &self.kernel {
+            Kernel::Stage(source) => source.text(shapes, variant),
+            Kernel::Sweep(kernel) => kernel.text(shapes, variant),
         }
     }
 }
@@ -172,53 +213,91 @@ impl WgpuDevice {
     ) -> Result<Vec<Part>, DeviceError> {
         let p = &sweep.params;
         let toward: Buf<f32> = Buf::new(SCRATCH, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()));
-        if sweep.sources.is_some() {
+        let sources = sweep.sources.zip(sweep.source_weights);
+        if sources.is_some() {
             self.reserve_scratch(toward.bytes())?;
         }
+        let held = self.texels && self.holds(sweep, toward.bytes());
         let (steps, planes) = (p.batch_steps(), p.cells[3]);
+        let fours = p.count().div_ceil(4);
+        // Planes that a workgroup may take one after the other, by its turns of loops.
+        let turns = 1 + (p.plane / 4 + planes).div_ceil(ABREAST) * (1 + p.channels);
+        let most = (self.info.limits.loop_turns.unwrap_or(u32::MAX) / turns).max(1);
+        let optics = Binding::read("optics", Some(sweep.optics));
         let mut parts = Vec::new();
         let mut next = range.start;
         while next < range.end {
             let batch = next / steps;
             let gather = batch * steps + planes;
             let (begin, end) = (next, range.end.min(gather));
+            let first = batch * p.batch;
+            let taken = p.batch.min(p.directions - first);
             if begin < end {
-                let mut part = Part { range: begin..end, ..Part::of(stage, range.clone()) };
-                if let (Some(sources), Some(weights)) = (sweep.sources, sweep.source_weights) {
-                    let first = batch * p.batch;
-                    let items = p.batch.min(p.directions - first) * p.count();
+                if let Some((sources, weights)) = sources {
+                    let items = taken.div_ceil(4) * fours;
                     let bindings = vec![
-                        Binding::read("optics", Some(sweep.optics)),
+                        optics,
                         Binding::read("sources", Some(sources)),
                         Binding::read("source_weights", Some(weights)),
                         Binding::write("toward", Some(toward)),
                     ];
-                    parts.push(Part {
-                        name: "sources_toward",
-                        bindings,
-                        axis: items,
-                        group: 1,
-                        range: 0..items,
-                        sequential: None,
-                        alone: true,
-                        first: Some(first),
-                        gathers: false,
-                        source: None,
-                    });
-                    let places = part.bindings.iter_mut().filter(|binding| binding.name == "sources");
-                    places.for_each(|binding| *binding = Binding::read("sources", Some(toward)));
+                    let part = Part::of_sweep(Kind::Toward, bindings, held.then_some("toward"), (0..1, items));
+                    parts.push(Part { steps: Some(first..first + taken), ..part });
                 }
-                part.sequential = Some(p.batch * p.plane);
-                parts.push(part);
+                if held {
+                    let bindings = vec![
+                        optics,
+                        Binding::read("directions", Some(sweep.directions)),
+                        Binding::read("toward", sources.map(|_| toward)),
+                        Binding::read("obstructed", sweep.obstructed),
+                        Binding::write("radiance", Some(sweep.radiance)),
+                    ];
+                    for step in (begin..end).step_by(most as usize) {
+                        let part = Part::of_sweep(Kind::Rows, bindings.clone(), Some("radiance"), (0..taken, 0));
+                        let steps = Some(step..end.min(step + most));
+                        parts.push(Part { steps, sequential: None, ..part });
+                    }
+                } else {
+                    let mut part = Part { range: begin..end, ..Part::of(stage, range.clone()) };
+                    let places = part.bindings.iter_mut().filter(|binding| binding.name == "sources");
+                    places.for_each(|binding| *binding = Binding::read("sources", sources.map(|_| toward)));
+                    part.sequential = Some(p.batch * p.plane);
+                    parts.push(part);
+                }
             }
             if gather < range.end {
-                let items = p.count() * p.coefficients.div_ceil(GATHERED);
-                let range = gather..gather + 1;
-                parts.push(Part { gathers: true, sequential: Some(items), ..Part::of(stage, range) });
+                let (step, of_four) = (gather..gather + 1, p.coefficients.div_ceil(4));
+                if held {
+                    let bindings = vec![
+                        Binding::read("weights", Some(sweep.weights)),
+                        Binding::read("radiance", Some(sweep.radiance)),
+                        Binding::write("moments", Some(sweep.moments)),
+                    ];
+                    parts.push(Part::of_sweep(
+                        Kind::Moments,
+                        bindings,
+                        None,
+                        (step, fours.next_multiple_of(self.units) * of_four),
+                    ));
+                } else {
+                    let sequential = Some(p.count() * of_four);
+                    parts.push(Part { gathers: true, sequential, ..Part::of(stage, step) });
+                }
             }
             next = gather + 1;
         }
         Ok(parts)
+    }
+
+    /// Whether a sweep's radiance, and what its cells scatter toward a batch of directions, fit textures; and all else a binding.
+    fn holds(&self, sweep: &Sweep, toward: u64) -> bool {
+        let bytes = |binding: Binding| match binding.access {
+            BindingAccess::Read(bytes) | BindingAccess::Write(bytes) => bytes,
+            BindingAccess::Sample(_) => 0,
+        };
+        let most = sweep.bindings().into_iter().map(bytes).fold(toward, u64::max);
+        let whole = most <= self.info.limits.binding_bytes;
+        whole && [sweep.radiance.bytes(), toward].iter().all(|&bytes| texels::fits(bytes, 1, &self.limits))
     }
 
     /// Makes the memory of our own hold so many bytes at least.

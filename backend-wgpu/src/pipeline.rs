@@ -38,6 +38,12 @@ fn stored(format: TextureFormat, view_dimension: TextureViewDimension) -> Bindin
     BindingType::StorageTexture { access: StorageTextureAccess::ReadOnly, format, view_dimension }
 }
 
+/// A storage texture that takes the place of a buffer.
+fn held(format: TextureFormat) -> BindingType {
+    let (access, view_dimension) = (StorageTextureAccess::ReadWrite, TextureViewDimension::D2);
+    BindingType::StorageTexture { access, format, view_dimension }
+}
+
 /// The buffers and textures of a stage's bindings.
 fn entries(shapes: &[Shape], fetched: Fetched, filtered: bool) -> [Vec<BindGroupLayoutEntry>; 2] {
     let (mut buffers, mut textures) = (Vec::new(), Vec::new());
@@ -46,6 +52,9 @@ fn entries(shapes: &[Shape], fetched: Fetched, filtered: bool) -> [Vec<BindGroup
             ShapeKind::Read if fetched.has(index) => {
                 let stored = stored(texels::format(words(shape.element)), TextureViewDimension::D2);
                 textures.push(entry(slab_binding(index, 0), stored));
+            }
+            ShapeKind::Write if fetched.has(index) => {
+                textures.push(entry(slab_binding(index, 0), held(texels::format(words(shape.element)))));
             }
             ShapeKind::Read | ShapeKind::Write => {
                 let read_only = shape.kind == ShapeKind::Read;

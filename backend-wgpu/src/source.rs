@@ -6,12 +6,13 @@ use std::fmt::Write as _;
 use airlight_core::device::{FieldFormat, Helper, KernelElement, KernelFile, KernelLanguage, KernelScalar};
 use airlight_core::device::{KernelStruct, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Inject, Stage, SweepParams};
+use airlight_core::stage::{Inject, Stage};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
 pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
 
 mod reads;
+pub(crate) mod sweep;
 
 const WGSL: KernelLanguage = KernelLanguage::Wgsl;
 
@@ -32,8 +33,8 @@ kernel_struct! {
         runs: U32,
         /// By how many of them one follows the other, where the driver gives each core as many workgroups in a row.
         stride: U32,
-        /// Unused.
-        unused: U32,
+        /// The unit past the last of those that a workgroup of a sweep takes in order, from `first` on.
+        past: U32,
     }
 }
 
@@ -142,6 +143,13 @@ impl Default for Variant<'_> {
 /// Invocations of a workgroup on every device that the kernels run on.
 pub(crate) const UNITS: u32 = 64;
 
+/// Cells that a workgroup of `project` takes on drivers that run on processors, so that a packet of invocations marches from
+/// neighbours along one direction.
+const CELLS: u32 = 8;
+
+/// Steps of its walk that a path takes at a turn on those drivers.
+const WALKED: u32 = 6;
+
 /// What is known of each [`Place`] of a kernel's parameters, in their order; nothing where it is left to the parameters.
 pub(crate) type Numbers = Vec<Option<Fact>>;
 
@@ -185,6 +193,22 @@ pub(crate) fn of(stage: &Stage) -> Source {
 }
 
 impl Source {
+    /// What the kernel may know of its parameters.
+    pub(crate) fn places(&self) -> Vec<Place> {
+        let structs: String = self.recipe.structs.iter().map(|text| text(WGSL)).collect();
+        places(&structs, self.recipe.params)
+    }
+
+    /// Units of the work axis that a workgroup of so many invocations takes, which work alone or not; on drivers that run on
+    /// processors, if that is what `known` says.
+    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+        match (self.alone, self.name) {
+            (true, _) => units,
+            (false, "project") if known => CELLS,
+            (false, _) => 1,
+        }
+    }
+
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
     fn uneven(&self) -> bool {
         self.recipe.helpers.contains(&Helper::Mesh)
@@ -200,6 +224,8 @@ impl Source {
             + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
+        prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
+        prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
@@ -237,13 +263,9 @@ pub(crate) fn index_binding(index: usize) -> u32 {
     slab_binding(index, 1)
 }
 
-/// What kernels may know of their parameters; of none, those of `sources_toward`.
-pub(crate) fn places(source: Option<&Source>) -> Vec<Place> {
-    let (structs, params) = match source {
-        Some(source) => (source.recipe.structs.iter().map(|text| text(WGSL)).collect(), source.recipe.params),
-        None => (SweepParams::text(WGSL), SweepParams::NAME),
-    };
-    reads::places(&structs, params).into_iter().map(|(_, place)| place).collect()
+/// What kernels of a struct of parameters, of which `structs` is the text, may know of it.
+pub(crate) fn places(structs: &str, params: &str) -> Vec<Place> {
+    reads::places(structs, params).into_iter().map(|(_, place)| place).collect()
 }
 
 /// A kernel's text, with what is known of its parameters where it copies them. Lines stay where they are.
@@ -349,26 +371,6 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
     text.push("generated", &prelude);
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
     text
-}
-
-/// The kernel that sums, for bindings of these shapes, what cells scatter toward the directions of a batch of `sweep`.
-pub(crate) fn sources_text(shapes: &[Shape], variant: Variant<'_>) -> Text {
-    let mut text = Text::default();
-    let structs = SweepParams::text(WGSL);
-    let mut prelude = structs.clone()
-        + &uniforms(SweepParams::NAME, false)
-        + &kept(SweepParams::NAME, variant.known)
-        + &WGSL.integer("UNITS", variant.units);
-    for (index, shape) in shapes.iter().enumerate() {
-        prelude += &match shape.kind {
-            ShapeKind::Write => buffer(shape, index),
-            _ if variant.fetched.has(index) => reads::texels(shape, index, ""),
-            _ => reads::memory(shape, index),
-        };
-    }
-    text.push("generated", &prelude);
-    text.push("src/sources.wgsl", include_str!("sources.wgsl"));
-    specialised(text, &structs, SweepParams::NAME, variant.known)
 }
 
 mod bricks;

@@ -127,12 +127,12 @@ impl Store {
     }
 
     /// What a stage reads as storage textures, as many as there may be: fields, unless they are `filtered`, then buffers that are
-    /// there and fit a texture.
+    /// there and fit a texture; and the buffer that it writes as one, if it `holds` one.
     pub(crate) fn fetched(
         &self,
         shapes: &[Shape],
         bindings: &[Binding],
-        filtered: bool,
+        (filtered, holds): (bool, Option<&str>),
         limits: &wgpu::Limits,
     ) -> Fetched {
         let mut left = limits.max_storage_textures_per_shader_stage;
@@ -152,9 +152,12 @@ impl Store {
             }
         }
         for (index, binding) in bindings.iter().enumerate() {
-            let (BindingAccess::Read(bytes), Some(_)) = (binding.access, binding.id) else { continue };
-            let (width, height) = texels::extent(bytes, words(binding.element));
-            if width.max(height) <= limits.max_texture_dimension_2d.into() {
+            let bytes = match (binding.access, binding.id) {
+                (BindingAccess::Read(bytes), Some(_)) => bytes,
+                (BindingAccess::Write(bytes), Some(_)) if holds == Some(binding.name) => bytes,
+                _ => continue,
+            };
+            if texels::fits(bytes, words(binding.element), limits) {
                 take(index, 1);
             }
         }
@@ -175,29 +178,41 @@ impl Store {
         Ok(())
     }
 
-    /// The copies that must be made before a stage reads them. They count as made.
+    /// The copies that must be made before a stage uses them or their buffers. They count as made.
     pub(crate) fn stale(&self, bindings: &[Binding], fetched: Fetched) -> Vec<Copy<'_>> {
         let mut copies = Vec::new();
-        for (_, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
+        for (index, binding) in bindings.iter().enumerate() {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get(&id)) else { continue };
             let words = words(binding.element);
-            let stale = memory.texels.iter().filter(|texels| texels.of(words) && !texels.fresh.replace(true));
-            copies.extend(stale.map(|texels| Copy { buffer: &memory.buffer, bytes: memory.bytes, texels }));
+            let ready = |texels: &&Texels| texels.of(words) && texels.fresh.get();
+            if fetched.has(index) && memory.texels.iter().any(|texels| ready(&texels)) {
+                continue;
+            }
+            copies.extend(memory.settled());
+            if fetched.has(index) {
+                let stale = memory.texels.iter().filter(|texels| texels.of(words) && !texels.fresh.replace(true));
+                let (buffer, bytes, back) = (&memory.buffer, memory.bytes, false);
+                copies.extend(stale.map(|texels| Copy { buffer, bytes, texels, back }));
+            }
         }
         copies
     }
 
     /// Books that a stage writes what it binds to be written.
-    pub(crate) fn wrote(&self, bindings: &[Binding]) {
-        let written = bindings.iter().filter(|binding| matches!(binding.access, BindingAccess::Write(_)));
-        written.filter_map(|binding| self.buffer(binding.id?).ok()).for_each(Memory::changed);
+    pub(crate) fn wrote(&self, bindings: &[Binding], fetched: Fetched) {
+        for (index, binding) in bindings.iter().enumerate() {
+            let memory = binding.id.and_then(|id| self.buffer(id).ok());
+            if let (BindingAccess::Write(_), Some(memory)) = (binding.access, memory) {
+                memory.changed(fetched.has(index).then(|| words(binding.element)));
+            }
+        }
     }
 
     /// Books that copies may not have been made.
     pub(crate) fn forget_copies(&self) {
         self.resources.values().for_each(|resource| {
             if let Resource::Buffer(memory) = resource {
-                memory.changed();
+                memory.changed(None);
             }
         });
     }
@@ -224,7 +239,7 @@ impl Store {
                     let atlas = volume.atlas.as_ref();
                     bound.textures.extend(atlas.map(|atlas| (index_binding(index), &atlas.index_view)));
                 }
-                (BindingAccess::Read(_), Some(id)) if fetched.has(index) => {
+                (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) if fetched.has(index) => {
                     let words = words(binding.element);
                     let copies = self.buffer(id)?.texels.iter().filter(|texels| texels.of(words));
                     bound.textures.extend(copies.map(|texels| (slab_binding(index, 0), &texels.view)));

@@ -1,5 +1,6 @@
 //! Copies of buffers as storage textures, for drivers that load texels faster than memory (`adapter::fetches`). A copy is
-//! made anew when a stage reads it after its buffer was written.
+//! made anew when a stage reads it after its buffer was written. Where kernels write a copy, the buffer is made anew before
+//! anybody else sees it.
 
 use std::cell::Cell;
 
@@ -20,6 +21,8 @@ pub(crate) struct Texels {
     words: u32,
     /// Whether it holds what the buffer holds, once what was sent is done.
     pub(crate) fresh: Cell<bool>,
+    /// Whether it holds what the buffer does not hold yet.
+    pub(crate) ahead: Cell<bool>,
 }
 
 /// The format of texels of so many words.
@@ -38,6 +41,12 @@ pub(crate) fn extent(bytes: u64, words: u32) -> (u64, u64) {
     (across, texels.div_ceil(across))
 }
 
+/// Whether the copy of a buffer of so many bytes, in texels of so many words, fits a texture of these limits.
+pub(crate) fn fits(bytes: u64, words: u32, limits: &wgpu::Limits) -> bool {
+    let (width, height) = extent(bytes, words);
+    width.max(height) <= limits.max_texture_dimension_2d.into()
+}
+
 impl Texels {
     /// Of a buffer of so many bytes whose copy, as [`extent`] has it, fits the device's textures.
     pub(crate) fn new(gpu: &Gpu, bytes: u64, words: u32) -> Result<Self, DeviceError> {
@@ -49,12 +58,12 @@ impl Texels {
             sample_count: 1,
             dimension: TextureDimension::D2,
             format: format(words),
-            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST,
+            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC,
             view_formats: &[],
         };
         let texture = gpu.texture(width * height * 4 * u64::from(words), &description)?;
         let view = gpu.guarded(0, || texture.create_view(&Default::default()))?;
-        Ok(Self { texture, view, words, fresh: Cell::new(false) })
+        Ok(Self { texture, view, words, fresh: Cell::new(false), ahead: Cell::new(false) })
     }
 
     /// Whether its texels are of so many words.
@@ -63,35 +72,41 @@ impl Texels {
     }
 }
 
-/// A copy to be made of a buffer of so many bytes.
+/// A copy to be made of a buffer of so many bytes, or of what kernels wrote in its place.
 #[derive(Debug)]
 pub(crate) struct Copy<'s> {
     pub(crate) buffer: &'s Buffer,
     pub(crate) bytes: u64,
     pub(crate) texels: &'s Texels,
+    /// Whether the buffer is what is made anew.
+    pub(crate) back: bool,
 }
 
 impl Copy<'_> {
     pub(crate) fn encode(&self, encoder: &mut CommandEncoder) {
-        let Self { buffer, bytes, texels: Texels { texture, words, .. } } = self;
+        let Self { buffer, bytes, texels: Texels { texture, words, .. }, back } = self;
         let texel = 4 * u64::from(*words);
-        let texels = (bytes / texel).max(1);
+        let count = (bytes / texel).max(1);
         let across = u64::from(texture.width());
         // Whole rows, then what is left.
-        for (first, width, height) in [(0, across, texels / across), (texels - texels % across, texels % across, 1)] {
+        for (first, width, height) in [(0, across, count / across), (count - count % across, count % across, 1)] {
             if width == 0 || height == 0 {
                 continue;
             }
             let bytes_per_row = (height > 1).then_some((across * texel) as u32);
             let layout = TexelCopyBufferLayout { offset: first * texel, bytes_per_row, rows_per_image: None };
-            let target = TexelCopyTextureInfo {
+            let texels = TexelCopyTextureInfo {
                 texture,
                 mip_level: 0,
                 origin: Origin3d { x: 0, y: (first / across) as u32, z: 0 },
                 aspect: TextureAspect::All,
             };
             let size = Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 };
-            encoder.copy_buffer_to_texture(TexelCopyBufferInfo { buffer, layout }, target, size);
+            let memory = TexelCopyBufferInfo { buffer, layout };
+            match back {
+                true => encoder.copy_texture_to_buffer(texels, memory, size),
+                false => encoder.copy_buffer_to_texture(memory, texels, size),
+            }
         }
     }
 }

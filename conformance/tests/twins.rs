@@ -185,11 +185,12 @@ const CPU: Backend = Backend {
 const WGPU: Backend = Backend {
     folder: "backend-wgpu/kernels",
     ending: "wgsl",
-    own: &[(
-        "mesh",
-        "visited",
-        "a step to the next box, which rays that walk together take before they look at triangles",
-    )],
+    own: &[
+        ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
+        ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
+        ("evaluate", "moments", "four rows share the light where drivers run on processors"),
+        ("mesh", "first_within", "cells without triangles near leave the loops at once, which no condition does"),
+    ],
     lacks: &[],
 };
 

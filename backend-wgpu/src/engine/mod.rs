@@ -251,11 +251,11 @@ impl WgpuDevice {
         let shots = cut.pieces(0..pixels).map(|piece| {
             let bound = self.store.bound(&bindings, Fetched::default(), |binding| piece.window(binding))?;
             let bound = Bound { textures: views.iter().map(|(number, view)| (*number, view)).collect(), ..bound };
-            Ok(Shot { range: piece.range, first: piece.groups.start, bound })
+            Ok(Shot { range: piece.range, first: piece.groups.start, past: piece.groups.end, bound })
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-        self.store.wrote(&bindings);
-        let copies = Vec::new();
+        let copies = self.store.stale(&bindings, Fetched::default());
+        self.store.wrote(&bindings, Fetched::default());
         let launches = Launches { pipeline, params, units: text::UNITS, sequential: None, copies, shots };
         let what = "an engine's frame";
         let recorded = launch::record(&mut self.gpu, &mut self.groups, &self.limits, what, &[launches], None);

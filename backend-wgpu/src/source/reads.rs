@@ -28,14 +28,34 @@ pub(crate) fn memory(shape: &Shape, index: usize) -> String {
     )
 }
 
+/// Kept in a texture, which takes the place of memory: the texture, and the functions that read and write an element of one word.
+pub(crate) fn held(shape: &Shape, index: usize) -> String {
+    let (name, element, binding) = (shape.name, shape.element.name(WGSL), slab_binding(index, 0));
+    let at = place("i");
+    format!(
+        "@group(2) @binding({binding}) var {name}: texture_storage_2d<r32uint, read_write>;\nfn read_{name}(i: u32) -> \
+         {element} {{\n    return bitcast<{element}>(textureLoad({name}, {at}).x);\n}}\nfn write_{name}(i: u32, value: \
+         {element}) {{\n    textureStore({name}, {at}, vec4<u32>(bitcast<u32>(value)));\n}}\n"
+    )
+}
+
+/// The function that writes an element of a buffer where that may be [`held`].
+pub(crate) fn written(shape: &Shape) -> String {
+    let (name, element) = (shape.name, shape.element.name(WGSL));
+    format!("fn write_{name}(i: u32, value: {element}) {{\n    {name}[i] = value;\n}}\n")
+}
+
+/// Where texel `n` of a copy is.
+fn place(n: &str) -> String {
+    let shift = TEXELS_ACROSS.trailing_zeros();
+    format!("vec2<u32>({n} & {}u, {n} >> {shift}u)", TEXELS_ACROSS - 1)
+}
+
 /// From a copy: the texture, and the function that puts an element together. `structs` is the text of the kernel's structs.
 pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     let binding = slab_binding(index, 0);
-    let load = |n: &str| {
-        let shift = TEXELS_ACROSS.trailing_zeros();
-        format!("textureLoad({name}, vec2<u32>({n} & {}u, {n} >> {shift}u))", TEXELS_ACROSS - 1)
-    };
+    let load = |n: &str| format!("textureLoad({name}, {})", place(n));
     let body = match shape.element {
         KernelElement::Scalar(KernelScalar::U32) => format!("    return {}.x;\n", load("i")),
         KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),

@@ -2,10 +2,12 @@
 
 use airlight_core::device::{Binding, Buf, KernelField, ResourceId};
 use airlight_core::stage::{
-    BlobRecord, InjectParams, LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, examples,
+    BlobRecord, InjectParams, LightRecord, MarchParams, ProjectParams, ReduceParams, RelightParams, SweepDirection,
+    examples,
 };
 use naga::AddressSpace;
 
+use super::sweep::Kernel;
 use super::*;
 
 fn shapes(stage: &Stage, slabs: u32) -> Vec<Shape> {
@@ -54,7 +56,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                 let shapes = shapes(stage, slabs);
                 let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
                 let plain = Variant::default();
-                let places = places(Some(&of(stage)));
+                let places = of(stage).places();
                 let [nothing, zeros, ones] = [None, Some(0), Some(1)]
                     .map(|word| -> Numbers { places.iter().map(|place| Some(place.fact(&[word?; 256]))).collect() });
                 let variants = [
@@ -91,15 +93,31 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
 }
 
 #[test]
-fn sums_of_sources_are_a_kernel_from_memory_and_from_copies() {
+fn sweeps_are_put_together_from_kernels_that_read_memory_and_textures() {
     let buffer = |id| Some(Buf::<f32>::new(ResourceId(id), 8));
-    let names = ["optics", "sources", "source_weights"].into_iter().zip(0..);
-    let mut bindings: Vec<_> = names.map(|(name, id)| Binding::read(name, buffer(id))).collect();
-    bindings.push(Binding::write("toward", buffer(3)));
-    let shapes: Vec<_> = bindings.iter().map(|binding| Shape::new(binding, 1)).collect();
-    for fetched in [Fetched::default(), (0..3).fold(Fetched::default(), Fetched::with)] {
-        let text = sources_text(&shapes, Variant { fetched, ..Variant::default() });
-        assert_eq!(module(&text).unwrap().entry_points[0].name, "sources_toward");
+    let directions = Some(Buf::<SweepDirection>::new(ResourceId(9), 8));
+    let read = |name, id| Binding::read(name, buffer(id));
+    let [optics, weights] = [read("optics", 0), read("weights", 1)];
+    let write = |name, id| Binding::write(name, buffer(id));
+    let toward = vec![optics, read("sources", 2), read("source_weights", 3), write("toward", 4)];
+    let directions = Binding::read("directions", directions);
+    let surfaces = Binding::read("obstructed", Some(Buf::<u32>::new(ResourceId(6), 8)));
+    let rows = vec![optics, directions, read("toward", 4), surfaces, write("radiance", 5)];
+    let moments = vec![weights, read("radiance", 5), write("moments", 7)];
+    for (kernel, bindings) in [(Kernel::Toward, toward), (Kernel::Rows, rows), (Kernel::Moments, moments)] {
+        let shapes: Vec<_> = bindings.iter().map(|binding| Shape::new(binding, 1)).collect();
+        let reads = (0..shapes.len() - 1).fold(Fetched::default(), Fetched::with);
+        let all = reads.with(shapes.len() - 1);
+        let choices = match kernel {
+            // Of drivers that have no use for textures too.
+            Kernel::Toward => vec![Fetched::default(), reads, all],
+            Kernel::Rows => vec![all],
+            Kernel::Moments => vec![reads],
+        };
+        for fetched in choices {
+            let module = module(&kernel.text(&shapes, Variant { fetched, ..Variant::default() })).unwrap();
+            assert_eq!(module.entry_points[0].name, kernel.name(), "{fetched:?}");
+        }
     }
 }
 

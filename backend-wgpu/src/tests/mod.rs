@@ -5,6 +5,7 @@ mod engine;
 mod filter;
 mod staging;
 mod steady;
+mod sweep;
 mod trouble;
 mod units;
 

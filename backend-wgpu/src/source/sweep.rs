@@ -1,0 +1,69 @@
+//! Kernels that `sweep` is put together from where it keeps light in textures, in place of its own.
+
+use airlight_core::device::{Helper, KernelFile, KernelStruct};
+use airlight_core::stage::{SweepDirection, SweepParams};
+
+use super::{Place, Shape, ShapeKind, Text, Variant, WGSL, buffer, helper, kept, places, reads, specialised, uniforms};
+
+/// Invocations of a workgroup of [`Kernel::Rows`]: a packet of Mesa's software driver, which has no other to wait for at barriers.
+pub(crate) const ABREAST: u32 = 8;
+
+/// One of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kernel {
+    /// What cells scatter toward each direction of a batch.
+    Toward,
+    /// Planes, by rows of four cells.
+    Rows,
+    /// Moments of a batch, four coefficients of four cells at a time.
+    Moments,
+}
+
+impl Kernel {
+    /// Name of the entry point.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Toward => "sweep_toward",
+            Self::Rows => "sweep_rows",
+            Self::Moments => "sweep_moments",
+        }
+    }
+
+    fn file(self) -> KernelFile {
+        match self {
+            Self::Toward => KernelFile { name: "src/sweep/toward.wgsl", text: include_str!("../sweep/toward.wgsl") },
+            Self::Rows => KernelFile { name: "src/sweep/rows.wgsl", text: include_str!("../sweep/rows.wgsl") },
+            Self::Moments => KernelFile { name: "src/sweep/moments.wgsl", text: include_str!("../sweep/moments.wgsl") },
+        }
+    }
+
+    /// What it may know of its parameters.
+    pub(crate) fn places(self) -> Vec<Place> {
+        places(&SweepParams::text(WGSL), SweepParams::NAME)
+    }
+
+    /// The text for bindings of these shapes.
+    pub(crate) fn text(self, shapes: &[Shape], variant: Variant<'_>) -> Text {
+        let structs = SweepParams::text(WGSL) + &SweepDirection::text(WGSL);
+        let units = if self == Self::Rows { ABREAST } else { variant.units };
+        let mut prelude = structs.clone()
+            + &uniforms(SweepParams::NAME, false)
+            + &kept(SweepParams::NAME, variant.known)
+            + &WGSL.integer("UNITS", units);
+        for (index, shape) in shapes.iter().enumerate() {
+            prelude += &WGSL.truth(&format!("has_{}", shape.name), shape.present);
+            prelude += &match shape.kind {
+                ShapeKind::Write if variant.fetched.has(index) => reads::held(shape, index),
+                ShapeKind::Write => buffer(shape, index) + &reads::written(shape),
+                _ if variant.fetched.has(index) => reads::texels(shape, index, &structs),
+                _ => reads::memory(shape, index),
+            };
+        }
+        let mut text = Text::default();
+        text.push("generated", &prelude);
+        for file in [helper(Helper::Segment), self.file()] {
+            text.push(file.name, file.text);
+        }
+        specialised(text, &structs, SweepParams::NAME, variant.known)
+    }
+}

@@ -1,0 +1,96 @@
+//! Sweeps that keep their light in textures, beside those that keep it in memory.
+
+use airlight_core::device::{Device, ResourceId};
+use airlight_core::glam::{DAffine3, DVec3, UVec3};
+use airlight_core::media::Lattice;
+use airlight_core::stage::{Stage, Sweep, SweepDirection, SweepParams};
+
+use super::{content, device, empty, filled};
+use crate::WgpuDevice;
+
+/// Cells along x, y and z, of which no row is whole fours.
+const CELLS: [u32; 3] = [7, 5, 6];
+/// Directions, in two batches of which the second is smaller.
+const DIRECTIONS: u32 = 8;
+const BATCH: u32 = 5;
+const COEFFICIENTS: u32 = 6;
+
+/// A sweep of three channels among surfaces.
+fn sweep(device: &mut dyn Device) -> Sweep {
+    let [x, y, z] = CELLS;
+    let placed = DAffine3::from_scale(DVec3::splat(0.1));
+    let lattice = Lattice::new(UVec3::from(CELLS), placed).unwrap();
+    let params = SweepParams {
+        cells: [x, y, z, x.max(y).max(z)],
+        directions: DIRECTIONS,
+        batch: BATCH,
+        plane: (x * y).max(y * z).max(x * z),
+        channels: 3,
+        grey: 0,
+        emits: 1,
+        source_coefficients: COEFFICIENTS,
+        coefficients: COEFFICIENTS,
+        weight_channels: 1,
+        planar: 1,
+        boundary: 0.3,
+        unused: 0,
+    };
+    let toward = |n: u32| {
+        let angle = 1.1 * f64::from(n);
+        DVec3::new(angle.cos(), 1.4 * (2.3 * angle).sin(), angle.sin()).normalize()
+    };
+    let ways: Vec<_> = (0..DIRECTIONS).map(|n| SweepDirection::new(toward(n), &lattice, CELLS)).collect();
+    let cells = x * y * z;
+    let rough = |n: u32, of: u32| -> Vec<f32> { (0..n).map(|i| (i * 7 % of) as f32 / of as f32).collect() };
+    let surfaces: Vec<u32> = (0..cells).map(|i| if i % 3 == 0 { i.wrapping_mul(2_654_435_761) } else { 0 }).collect();
+    Sweep {
+        params,
+        optics: filled(device, 0, &rough(9 * cells, 31)),
+        directions: filled(device, 1, &ways),
+        sources: Some(filled(device, 2, &rough(3 * COEFFICIENTS * cells, 17))),
+        source_weights: Some(filled(device, 3, &rough(DIRECTIONS * COEFFICIENTS, 13))),
+        weights: filled(device, 4, &rough(DIRECTIONS * COEFFICIENTS, 11)),
+        obstructed: Some(filled(device, 5, &surfaces)),
+        radiance: empty(device, 6, (3 * BATCH * cells) as usize),
+        moments: empty(device, 7, (3 * COEFFICIENTS * cells) as usize),
+    }
+}
+
+/// What a sweep leaves in its radiance and its moments, where it is run in `pieces`.
+fn light(device: &mut WgpuDevice, pieces: u32) -> [Vec<f32>; 2] {
+    let sweep = sweep(device);
+    let (radiance, moments) = (sweep.radiance, sweep.moments);
+    let stage = Stage::Sweep(sweep);
+    let axis = stage.axis();
+    for n in 0..pieces {
+        device.dispatch(&stage, axis * n / pieces..axis * (n + 1) / pieces).unwrap();
+    }
+    let light = [content(device, radiance), content(device, moments)];
+    (0..8).for_each(|id| device.destroy(ResourceId(id)));
+    light
+}
+
+/// Both sum the same products in the same order, but for what drivers make of sums and products.
+const TOLERANCE: f32 = 1e-5;
+
+#[test]
+fn light_kept_in_textures_is_that_kept_in_memory() {
+    let Some(mut device) = device() else { return };
+    let run = |device: &mut WgpuDevice, texels, pieces| {
+        device.texels = texels;
+        light(device, pieces)
+    };
+    let expected = run(&mut device, false, 1);
+    assert!(expected.iter().flatten().all(|value| *value >= 0.0));
+    let turns = device.info.limits.loop_turns;
+    // Whole, in pieces of the work axis, and in as few planes at a time as loops may turn.
+    for (pieces, turns) in [(1, turns), (4, turns), (1, Some(30))] {
+        device.info.limits.loop_turns = turns;
+        for (found, expected) in run(&mut device, true, pieces).iter().zip(&expected) {
+            let most = expected.iter().copied().fold(0.0, f32::max);
+            assert!(most > 0.1, "{most}");
+            let apart = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(apart <= TOLERANCE * most, "{apart} of {most} in {pieces} pieces, {turns:?}");
+        }
+    }
+}
