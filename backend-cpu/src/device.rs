@@ -105,6 +105,15 @@ impl Device for CpuDevice {
         host::free_memory()
     }
 
+    /// What is as large as the cells: a sweep's copies of which rows run along y, the means of `coarsen`.
+    fn scratch(&self, stage: &Stage) -> u64 {
+        match stage {
+            Stage::Sweep(sweep) => sweep.optics.bytes() + sweep.sources.map_or(0, |sources| sources.bytes()),
+            Stage::Coarsen(coarsen) => coarsen.out.bytes(),
+            _ => 0,
+        }
+    }
+
     fn field_kinds(&self) -> FieldKinds {
         FieldKinds::ALL
     }

@@ -94,6 +94,10 @@ impl Device for OpenclDevice {
         Some(host.map_or(free, |host| host.min(free)))
     }
 
+    fn scratch(&self, stage: &Stage) -> u64 {
+        source::of(stage, self.lanes).next(stage, 0..stage.axis()).map_or(0, |dispatch| dispatch.scratch)
+    }
+
     fn field_kinds(&self) -> FieldKinds {
         FieldKinds::ALL
     }

@@ -189,6 +189,10 @@ impl Device for WgpuDevice {
         vulkan::free(&self.gpu.device)
     }
 
+    fn scratch(&self, stage: &Stage) -> u64 {
+        if let Stage::Sweep(sweep) = stage { self.sweep_scratch(sweep) } else { 0 }
+    }
+
     fn field_kinds(&self) -> FieldKinds {
         FieldKinds::ALL
     }

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError, ResourceId, ResourceSpec, Usage};
-use airlight_core::stage::{Kernel as _, Stage, Sweep};
+use airlight_core::stage::{Kernel as _, Stage, Sweep, SweepParams};
 
 use crate::WgpuDevice;
 use crate::memory::Resource;
@@ -203,6 +203,11 @@ impl Part {
     }
 }
 
+/// What cells scatter toward a batch of directions, in memory of our own.
+fn toward(p: &SweepParams) -> Buf<f32> {
+    Buf::new(SCRATCH, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()))
+}
+
 impl WgpuDevice {
     /// The parts of a range of `sweep`: for each batch its sources, its planes, and its moments.
     pub(crate) fn sweep_parts(
@@ -212,7 +217,7 @@ impl WgpuDevice {
         range: Range<u32>,
     ) -> Result<Vec<Part>, DeviceError> {
         let p = &sweep.params;
-        let toward: Buf<f32> = Buf::new(SCRATCH, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()));
+        let toward = toward(p);
         let sources = sweep.sources.zip(sweep.source_weights);
         if sources.is_some() {
             self.reserve_scratch(toward.bytes())?;
@@ -287,6 +292,13 @@ impl WgpuDevice {
             next = gather + 1;
         }
         Ok(parts)
+    }
+
+    /// Bytes of the memory of our own that a sweep takes, and of the textures that its radiance and that lie in.
+    pub(crate) fn sweep_scratch(&self, sweep: &Sweep) -> u64 {
+        let toward = toward(&sweep.params).bytes();
+        let own = if sweep.sources.is_some() { toward } else { 0 };
+        own + if self.texels && self.holds(sweep, toward) { own + sweep.radiance.bytes() } else { 0 }
     }
 
     /// Whether a sweep's radiance, and what its cells scatter toward a batch of directions, fit textures; and all else a binding.

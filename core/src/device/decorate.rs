@@ -18,6 +18,10 @@ macro_rules! forward {
             self.inner.free_memory()
         }
 
+        fn scratch(&self, stage: &Stage) -> u64 {
+            self.inner.scratch(stage)
+        }
+
         fn field_kinds(&self) -> FieldKinds {
             self.inner.field_kinds()
         }

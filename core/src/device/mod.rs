@@ -41,6 +41,12 @@ pub trait Device: Any + Send {
         None
     }
 
+    /// Bytes that the device takes for itself to run a stage, and keeps: beside the resources, once for all of its dispatches.
+    fn scratch(&self, stage: &Stage) -> u64 {
+        let _ = stage;
+        0
+    }
+
     /// What fields the device holds beside dense ones of 32-bit floats. By default none: it is asked for no others, but
     /// [`Device::create`] must refuse them ([`ResourceSpec::check_kind`]).
     fn field_kinds(&self) -> FieldKinds {

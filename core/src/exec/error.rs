@@ -37,7 +37,7 @@ pub enum ExecError {
     Memory {
         /// Name of the device.
         device: String,
-        /// Bytes of all resources, and of what the host needs where both share their memory.
+        /// Bytes of all resources, of what the device takes to run stages, and of what the host needs where both share their memory.
         needed: u64,
         /// Bytes that may be used.
         budget: u64,

@@ -51,7 +51,7 @@ pub struct Report {
     pub uploads: Vec<String>,
     /// Time spent in uploads.
     pub upload_time: Duration,
-    /// Bytes that the plan's resources take on the device.
+    /// Bytes that the plan's resources take on the device, and what the device takes for itself to run its stages.
     pub bytes: u64,
     /// How equations were solved; empty where their solutions stood.
     pub solved: Vec<Solved>,
@@ -281,6 +281,14 @@ impl Run<'_> {
     /// Frees what the plan does not name, and creates what it does, after checking that all of it fits.
     fn allocate(&mut self, plan: &Plan<'_>, budget: Option<u64>) -> Result<(), ExecError> {
         let resources = plan.declared.values().map(|d| d.spec.bytes()).fold(0, u64::saturating_add);
+        let stages = plan.nodes.iter().filter_map(|node| match &node.work {
+            Work::Stage(stage) => Some(&**stage),
+            Work::Solve(solve) => Some(&solve.stage),
+            Work::Upload { .. } | Work::Publish { .. } => None,
+        });
+        // What one stage takes, the next one may use.
+        let scratch = stages.map(|stage| self.device.scratch(stage)).max().unwrap_or(0);
+        let resources = resources.saturating_add(scratch);
         let host = if self.device.info().kind.shares_host_memory() { plan.host } else { 0 };
         let needed = resources.saturating_add(host);
         let held = self.held.values().map(|h| h.spec.bytes()).fold(0, u64::saturating_add);
