@@ -57,7 +57,8 @@ impl Columns {
         let (mut sums, mut i) = (F::<S>::ZERO, lo.max(self.first));
         let last = hi.min(self.last);
         while i <= last {
-            let weights = shares(begin, end, i);
+            // Nothing is held past the last.
+            let weights = shares(begin, end.min((last + 1) as f32), i);
             sums = sums + weights.gt(F::ZERO).select(held(&self.sums, i - self.first) * weights, F::ZERO);
             i += LANES as u32;
         }

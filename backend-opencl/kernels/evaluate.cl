@@ -2,7 +2,7 @@
 
 // Rows of the matrices that a work-item goes through together, so that light is read once for them: four where it works on vectors.
 #if WIDTH > 1
-#define ROWS 4u
+#define ROWS EVALUATE_ROWS
 #else
 #define ROWS 1u
 #endif

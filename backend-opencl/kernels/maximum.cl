@@ -1,19 +1,15 @@
 // Sum and maximum of the field FIELD over a coarse cell; instantiated for each field of `reduce`.
 
 // Columns of voxels whose sums are held at once.
-#if WIDTH == 1
-#define COLUMNS 1
-#else
 #define COLUMNS 64
-#endif
 
 float share(float begin, float end, int i);
 F shares(float begin, float end, int i);
 float probe_FIELD(const Bound *bound, uint3 cell);
 
 // The sum of the voxels, each weighed by the part of it that lies in the cell, and the maximum over every voxel that a lookup
-// in the widened cell can touch; a maximum over probes touches no more than the cell. Columns of texels are added up
-// side by side, up the rows of a block, then block by block, so that sums are those of every layout.
+// in the widened cell can touch; a maximum over probes touches no more than the cell. Packets add up columns
+// of texels side by side, up the rows of a block, then block by block, so that sums are those of every layout.
 float2 gathered_FIELD(const Bound *bound, uint3 cell) {
     float3 side = bound->params->cell.xyz;
     float3 margin = bound->params->cell.w * side + REDUCE_SLACK;
@@ -34,6 +30,24 @@ float2 gathered_FIELD(const Bound *bound, uint3 cell) {
     if (uniform_FIELD(bound, lo, hi, size) && texel_FIELD(bound, lo, size, 0) == 0.0f) {
         return (float2)(0.0f);
     }
+#if WIDTH == 1
+    // As memory lies.
+    for (int k = lo.z; k <= hi.z; k++) {
+        for (int j = lo.y; j <= hi.y; j++) {
+            float share_of_row = share(begin.y, end.y, j) * share(begin.z, end.z, k);
+            for (int i = lo.x; i <= hi.x; i++) {
+                int zeros = empty_FIELD(bound, (int3)(i, j, k), size);
+                if (zeros > 0) {
+                    i += zeros - 1;
+                    continue;
+                }
+                float texel = texel_FIELD(bound, (int3)(i, j, k), size, 0);
+                sum += share(begin.x, end.x, i) * share_of_row * texel;
+                most = greater(texel, most);
+            }
+        }
+    }
+#else
     int block = (int)TEXEL_BLOCK;
     float columns[COLUMNS + WIDTH];
     int first = lo.x;
@@ -66,11 +80,13 @@ float2 gathered_FIELD(const Bound *bound, uint3 cell) {
             i += count;
         }
         for (i = first; i <= to; i += (int)WIDTH) {
-            F weights = shares(begin.x, end.x, i);
+            // Nothing is held past the last.
+            F weights = shares(begin.x, min(end.x, convert_float(to + 1)), i);
             sum += total(weights > 0.0f ? pack(columns + (i - first)) * weights : (F)(0.0f));
         }
         first = to + 1;
     }
+#endif
     return (float2)(sum, largest_lane(most));
 }
 

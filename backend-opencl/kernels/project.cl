@@ -2,7 +2,7 @@
 // packets of those that are not empty along one direction after the other, and adds each to the cells' records.
 
 // Cells that a work-item takes: enough to fill packets between empty ones.
-#define CHUNK (WIDTH == 1 ? 1u : 4u * WIDTH)
+#define CHUNK (WIDTH == 1 ? 1u : PROJECT_PACKETS * WIDTH)
 
 void project(const Bound *bound, size_t first, const uint *places, uint count);
 void gather(const Bound *bound, F3 origin, float3 direction, M lit, F3 *transmittance, F3 *glow);

@@ -2,9 +2,6 @@
 // steps of a batch, a workgroup a direction of it; or the moments of a batch, a work-item some coefficients of a packet of
 // cells.
 
-// Coefficients of a work-item's moments.
-#define TAKEN 4u
-
 // A direction's planes of cells, in rows along the first of the axes that they span. Around a plane lies a border of one cell
 // of what stands beyond, and before and behind each row a packet's room, so that packets load without asking.
 typedef struct {
@@ -292,7 +289,7 @@ void gather(const Bound *bound, uint item, uint first, uint taken) {
     size_t cell = (size_t)(item % packets) * WIDTH;
     uint left = (uint)min(count - cell, (size_t)WIDTH);
     uint coefficients = bound->params->coefficients;
-    uint begin = item / packets * TAKEN;
+    uint begin = item / packets * SWEEP_TAKEN;
     uint own = bound->params->channels;
     uint of = bound->params->weight_channels;
     uint channels = max(own, of);
@@ -302,19 +299,19 @@ void gather(const Bound *bound, uint item, uint first, uint taken) {
         __global const float *light = bound->radiance + min(c, own - 1u) * count + cell;
         __global const float *weights = bound->weights + (size_t)first * coefficients * of + min(c, of - 1u);
         // Coefficients past the last repeat it.
-        uint k[TAKEN];
-        F sums[TAKEN];
-        for (uint i = 0u; i < TAKEN; i++) {
+        uint k[SWEEP_TAKEN];
+        F sums[SWEEP_TAKEN];
+        for (uint i = 0u; i < SWEEP_TAKEN; i++) {
             k[i] = min(begin + i, coefficients - 1u);
             sums[i] = (F)(0.0f);
         }
         for (uint n = 0u; n < taken; n++) {
             F value = load(light, (size_t)n * own * count, 1u, left);
-            for (uint i = 0u; i < TAKEN; i++) {
+            for (uint i = 0u; i < SWEEP_TAKEN; i++) {
                 sums[i] += weights[((size_t)n * coefficients + k[i]) * of] * value;
             }
         }
-        for (uint i = 0u; i < min(TAKEN, coefficients - begin); i++) {
+        for (uint i = 0u; i < min(SWEEP_TAKEN, coefficients - begin); i++) {
             bool planar = bound->params->planar == 1u;
             size_t place = planar ? (size_t)(k[i] * channels + c) * count + cell : (cell * coefficients + k[i]) * channels + c;
             U index = LANE * (planar ? 1u : coefficients * channels);

@@ -173,6 +173,8 @@ impl Cl {
     /// Makes a buffer of zeros, of at least a 4-vector.
     pub(crate) fn zeros(&mut self, bytes: u64) -> Result<Mem, DeviceError> {
         self.check()?;
+        // What is mapped keeps its memory, also where it was destroyed.
+        self.unsee()?;
         let size = bytes.max(16).next_multiple_of(4);
         let len = usize::try_from(size).map_err(|_| DeviceError::OutOfMemory { requested: size, available: None })?;
         // SAFETY: no memory of the host is shared.
@@ -261,11 +263,13 @@ impl Cl {
 
     /// Gives what was seen back to the device, before a command that may change it.
     fn unsee(&mut self) -> Result<(), DeviceError> {
+        let mut result = Ok(());
+        // All of them, whatever becomes of one.
         for (mem, map) in self.seen.take() {
             let unmapped = core::enqueue_unmap_mem_object(&self.queue, &mem, &map, None::<Event>, None::<&mut Event>);
-            self.done("clEnqueueUnmapMemObject", 0, unmapped)?;
+            result = result.and(self.done("clEnqueueUnmapMemObject", 0, unmapped));
         }
-        Ok(())
+        result
     }
 
     /// Copies `bytes` between two buffers.

@@ -95,6 +95,7 @@ impl Device for OpenclDevice {
     }
 
     fn scratch(&self, stage: &Stage) -> u64 {
+        let Stage::Sweep(_) = stage else { return 0 };
         source::of(stage, self.lanes).next(stage, 0..stage.axis()).map_or(0, |dispatch| dispatch.scratch)
     }
 

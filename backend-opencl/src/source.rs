@@ -169,13 +169,13 @@ pub(crate) struct Dispatch {
 /// Work-items of a team where each is a lane.
 const TEAM: u32 = 256;
 
-/// Rows that a work-item of `evaluate` goes through together, as its kernel says.
+/// Rows that a work-item of `evaluate` goes through together, where it has packets.
 const EVALUATE_ROWS: u32 = 4;
 
-/// Packets of cells from which a work-item of `project` fills its own, as its kernel says.
+/// Packets of cells from which a work-item of `project` fills its own.
 const PROJECT_PACKETS: u32 = 4;
 
-/// Coefficients that a work-item of `sweep` adds up, as its kernel says.
+/// Coefficients that a work-item of `sweep` adds up.
 const SWEEP_TAKEN: u32 = 4;
 
 /// The most slabs of a field: each is an argument of its kernels.
@@ -274,7 +274,12 @@ impl Source {
         // Writing to a String cannot fail.
         out += &self.recipe.prelude(OPENCL, shapes);
         out += &Launch::text(OPENCL);
-        let _ = writeln!(out, "#define WIDTH {}\n{}", self.width, PACKET);
+        for (name, value) in
+            [("EVALUATE_ROWS", EVALUATE_ROWS), ("PROJECT_PACKETS", PROJECT_PACKETS), ("SWEEP_TAKEN", SWEEP_TAKEN)]
+        {
+            let _ = writeln!(out, "#define {name} {value}u");
+        }
+        let _ = writeln!(out, "#define WIDTH {}\n{PACKET}", self.width);
         let params = self.recipe.params;
         let _ = writeln!(out, "typedef struct {{\n    {params} params;\n    Launch launch;\n}} Constants;");
         let _ = writeln!(out, "typedef struct {{\n    const {params} *params;");

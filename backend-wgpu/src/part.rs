@@ -203,6 +203,9 @@ impl Part {
     }
 }
 
+/// Textures that a sweep's planes read: all of its bindings.
+const SWEEP_TEXTURES: u32 = 5;
+
 /// What cells scatter toward a batch of directions, in memory of our own.
 fn toward(p: &SweepParams) -> Buf<f32> {
     Buf::new(SCRATCH, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()))
@@ -225,9 +228,7 @@ impl WgpuDevice {
         let held = self.texels && self.holds(sweep, toward.bytes());
         let (steps, planes) = (p.batch_steps(), p.cells[3]);
         let fours = p.count().div_ceil(4);
-        // Planes that a workgroup may take one after the other, by its turns of loops.
-        let turns = 1 + (p.plane / 4 + planes).div_ceil(ABREAST) * (1 + p.channels);
-        let most = (self.info.limits.loop_turns.unwrap_or(u32::MAX) / turns).max(1);
+        let most = self.planes_at_once(p);
         let optics = Binding::read("optics", Some(sweep.optics));
         let mut parts = Vec::new();
         let mut next = range.start;
@@ -294,6 +295,15 @@ impl WgpuDevice {
         Ok(parts)
     }
 
+    /// Planes of a direction that a workgroup may take one after the other, by how often its loops turn: once more than they
+    /// have to, which is when they end.
+    fn planes_at_once(&self, p: &SweepParams) -> u32 {
+        let items = u64::from(p.plane / 4 + p.cells[3]).div_ceil(ABREAST.into());
+        let turns = 1 + (items + 1) * (2 + u64::from(p.channels));
+        let most = self.info.limits.loop_turns.map_or(u64::MAX, |turns| turns.saturating_sub(1).into()) / turns;
+        most.try_into().unwrap_or(u32::MAX)
+    }
+
     /// Bytes of the memory of our own that a sweep takes, and of the textures that its radiance and that lie in.
     pub(crate) fn sweep_scratch(&self, sweep: &Sweep) -> u64 {
         let toward = toward(&sweep.params).bytes();
@@ -301,15 +311,17 @@ impl WgpuDevice {
         own + if self.texels && self.holds(sweep, toward) { own + sweep.radiance.bytes() } else { 0 }
     }
 
-    /// Whether a sweep's radiance, and what its cells scatter toward a batch of directions, fit textures; and all else a binding.
+    /// Whether a sweep's radiance, and what its cells scatter toward a batch of directions, fit textures, of which there are enough,
+    /// all else a binding, and a plane the turns of loops.
     fn holds(&self, sweep: &Sweep, toward: u64) -> bool {
         let bytes = |binding: Binding| match binding.access {
             BindingAccess::Read(bytes) | BindingAccess::Write(bytes) => bytes,
             BindingAccess::Sample(_) => 0,
         };
         let most = sweep.bindings().into_iter().map(bytes).fold(toward, u64::max);
-        let whole = most <= self.info.limits.binding_bytes;
-        whole && [sweep.radiance.bytes(), toward].iter().all(|&bytes| texels::fits(bytes, 1, &self.limits))
+        let whole = most <= self.info.limits.binding_bytes && self.planes_at_once(&sweep.params) > 0;
+        let textures = self.limits.max_storage_textures_per_shader_stage >= SWEEP_TEXTURES;
+        whole && textures && [sweep.radiance.bytes(), toward].iter().all(|&bytes| texels::fits(bytes, 1, &self.limits))
     }
 
     /// Makes the memory of our own hold so many bytes at least.

@@ -36,10 +36,10 @@ enum Fail {
     Finish,
 }
 
-/// Its one stage adds one to each value of `light`, which has as many as there are cells.
 /// Bytes that the bookkeeper takes for itself, once for all stages.
 const SCRATCH: u64 = 1000;
 
+/// Its one stage adds one to each value of `light`, which has as many as there are cells.
 struct Bookkeeper {
     info: DeviceInfo,
     books: Arc<Mutex<Books>>,

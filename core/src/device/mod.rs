@@ -41,7 +41,7 @@ pub trait Device: Any + Send {
         None
     }
 
-    /// Bytes that the device takes for itself to run a stage, and keeps: beside the resources, once for all of its dispatches.
+    /// Bytes that the device takes for itself to run a stage, beside the resources, and may keep for the next one.
     fn scratch(&self, stage: &Stage) -> u64 {
         let _ = stage;
         0

@@ -80,6 +80,8 @@ pub struct Executor {
     /// Seconds a unit of a stage's work axis took the last time.
     pace: HashMap<&'static str, f64>,
     budget: Option<u64>,
+    /// The most that the device has taken for itself, which it may keep.
+    scratch: u64,
     patience: Option<Duration>,
     frame: u64,
     /// What was written since the device was last waited for: a fault may still surface.
@@ -109,6 +111,7 @@ impl Executor {
             held: HashMap::new(),
             pace: HashMap::new(),
             budget,
+            scratch: 0,
             patience: None,
             frame: 0,
             unproven: HashSet::new(),
@@ -174,13 +177,13 @@ impl Executor {
         hooks: &mut Hooks<'_>,
         build: impl FnOnce(&mut Plan<'a>) -> Result<R, E>,
     ) -> Result<(R, Report), E> {
-        let Self { device, slots, held, pace, budget, patience, frame, unproven } = self;
+        let Self { device, slots, held, pace, budget, scratch, patience, frame, unproven } = self;
         *frame += 1;
         let mut plan = Plan::new(slots, *frame, device.info().limits, device.field_kinds());
         let result = build(&mut plan)?;
         let (device, report, pending) = (device.as_mut(), Report::default(), Vec::new());
         let mut run = Run { device, held, pace, patience: *patience, report, pending, learns: false };
-        run.allocate(&plan, *budget)?;
+        run.allocate(&plan, *budget, scratch)?;
         let Plan { slots, nodes, states, handed, .. } = plan;
         let done = run.nodes(nodes, &slots.names, hooks, unproven).and_then(|()| run.end(end));
         match done {
@@ -279,7 +282,7 @@ impl Run<'_> {
     }
 
     /// Frees what the plan does not name, and creates what it does, after checking that all of it fits.
-    fn allocate(&mut self, plan: &Plan<'_>, budget: Option<u64>) -> Result<(), ExecError> {
+    fn allocate(&mut self, plan: &Plan<'_>, budget: Option<u64>, kept: &mut u64) -> Result<(), ExecError> {
         let resources = plan.declared.values().map(|d| d.spec.bytes()).fold(0, u64::saturating_add);
         let stages = plan.nodes.iter().filter_map(|node| match &node.work {
             Work::Stage(stage) => Some(&**stage),
@@ -291,7 +294,7 @@ impl Run<'_> {
         let resources = resources.saturating_add(scratch);
         let host = if self.device.info().kind.shares_host_memory() { plan.host } else { 0 };
         let needed = resources.saturating_add(host);
-        let held = self.held.values().map(|h| h.spec.bytes()).fold(0, u64::saturating_add);
+        let held = self.held.values().map(|h| h.spec.bytes()).fold(*kept, u64::saturating_add);
         // A steady frame takes nothing new and need not ask.
         let grows = plan.declared.iter().any(|(id, d)| self.held.get(id).is_none_or(|h| h.spec != d.spec));
         let free = if grows { self.device.free_memory() } else { None };
@@ -314,6 +317,7 @@ impl Run<'_> {
             return Err(ExecError::Memory { device, needed, budget, largest: largest.join(", ") });
         }
         self.report.bytes = resources;
+        *kept = scratch.max(*kept);
         let keeps = |id: &ResourceId, held: &Held| plan.declared.get(id).is_some_and(|d| d.spec == held.spec);
         let dropped: Vec<_> = self.held.iter().filter(|(id, h)| !keeps(id, h)).map(|(id, _)| *id).collect();
         for id in dropped {

@@ -20,7 +20,7 @@
 //! Random numbers are the hash of (pixel, sample, picture, number of the draw): [`random`](crate::random).
 //!
 //! A dispatch takes `turns` turns of each pixel at the most: a turn is the way to a collision or to a cell's wall, the end of a
-//! walk, or a scattering. `paths` keeps what is on its way, `sums` what has come: nothing is cut off, and how often the stage is
+//! walk, or a scattering; or some of these that follow each other. `paths` keeps what is on its way, `sums` what has come: nothing is cut off, and how often the stage is
 //! run, and with how many turns, changes no bit. It is run until every pixel has `samples` samples.
 //!
 //! `sums` is three vectors a pixel: Σ L and the number of samples; Σ T and Σ of the squares of L's mean over the channels; Σ of light

@@ -12,10 +12,11 @@
 //! The work axis is the coarse cells, x fastest.
 //!
 //! Voxels and probes of a cell are gone through in rows along x, and rows along y, then z. A pass takes some of the rows:
-//! the first writes sum and maximum, each other adds to what the ones before left, and the last divides the sum.
+//! the first writes sum and maximum, each other adds to what the ones before left, and the last divides the sum. A device whose loops
+//! may turn as often as they need to may leave all rows to the last pass.
 //!
 //! Loops turn at the most once for each of a pass's rows and each of a row's voxels or probes, for the mean and for the
-//! maximum of each field.
+//! maximum of each field, where a device does not find both at once.
 
 use crate::device::{Binding, BrickLayout, Buf, Field, FieldFormat, Layout};
 use crate::kernel_struct;
