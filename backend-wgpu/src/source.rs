@@ -147,6 +147,9 @@ pub(crate) const UNITS: u32 = 64;
 /// neighbours along one direction.
 const CELLS: u32 = 8;
 
+/// Packs of voxels that a workgroup of `classify` takes: an invocation has a voxel of each in a vector.
+const PACKS: u32 = 4;
+
 /// Steps of its walk that a path takes at a turn on those drivers.
 const WALKED: u32 = 6;
 
@@ -205,6 +208,7 @@ impl Source {
         match (self.alone, self.name) {
             (true, _) => units,
             (false, "project") if known => CELLS,
+            (false, "classify") => PACKS,
             (false, _) => 1,
         }
     }
@@ -225,6 +229,7 @@ impl Source {
         prelude += &WGSL.truth("GATHERS", gathers);
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
+        prelude += &WGSL.integer("PACKS", PACKS);
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
