@@ -107,14 +107,15 @@ fn visited(way: Line, node: ptr<function, u32>, limit: f32) -> u32 {
 
 // Whether the ray meets a box within `limit` metres.
 fn meets(way: Line, low: MeshRecord, high: MeshRecord, limit: f32) -> bool {
-    let lower = (vec3<f32>(low.x, low.y, low.z) - way.origin) * way.inverse;
-    let upper = (vec3<f32>(high.x, high.y, high.z) - way.origin) * way.inverse;
-    let first = min(lower, upper);
-    let last = max(lower, upper);
-    let near = max(max(first.x, first.y), max(first.z, 0.0));
-    let far = min(min(last.x, last.y), min(last.z, limit));
+    let lower = vec3<f32>(low.x, low.y, low.z);
+    let upper = vec3<f32>(high.x, high.y, high.z);
+    let back = way.inverse < vec3<f32>(0.0);
+    let first = (select(lower, upper, back) - way.origin) * way.inverse;
     // Distances are good to a few units in the last place.
-    return near <= far * 1.000002;
+    let last = (select(upper, lower, back) - way.origin) * (way.inverse * 1.000002);
+    let near = larger(larger(first.x, first.y), larger(first.z, 0.0));
+    let far = smaller(smaller(last.x, last.y), smaller(last.z, limit * 1.000002));
+    return near <= far;
 }
 
 // Where the ray crosses a triangle: metres along, -1 where it does not; weights of the corners.

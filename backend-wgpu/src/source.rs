@@ -74,6 +74,16 @@ fn divide(a: u32, b: u32) -> vec2<u32> {
 }
 ";
 
+/// The smaller and the larger of two numbers. Built-in functions know what is no number, for which software drivers take three
+/// instructions in place of one.
+fn ordered(compared: bool) -> String {
+    let function = |name: &str, compares: &str, built_in: &str| {
+        let body = if compared { format!("select(b, a, a {compares} b)") } else { format!("{built_in}(a, b)") };
+        format!("fn {name}(a: f32, b: f32) -> f32 {{\n    return {body};\n}}\n")
+    };
+    function("smaller", "<", "min") + &function("larger", ">", "max")
+}
+
 macro_rules! file {
     ($name:literal) => {
         KernelFile { name: concat!("kernels/", $name), text: include_str!(concat!("../kernels/", $name)) }
@@ -147,6 +157,9 @@ pub(crate) const UNITS: u32 = 64;
 /// neighbours along one direction.
 const CELLS: u32 = 8;
 
+/// Packs of voxels that a workgroup of `classify` takes: an invocation has a voxel of each in a vector.
+const PACKS: u32 = 4;
+
 /// Steps of its walk that a path takes at a turn on those drivers.
 const WALKED: u32 = 6;
 
@@ -205,6 +218,7 @@ impl Source {
         match (self.alone, self.name) {
             (true, _) => units,
             (false, "project") if known => CELLS,
+            (false, "classify") => PACKS,
             (false, _) => 1,
         }
     }
@@ -221,10 +235,12 @@ impl Source {
         let mut prelude = structs.clone()
             + &uniforms(self.recipe.params, known.is_some() && self.uneven())
             + &kept(self.recipe.params, known)
+            + &ordered(known.is_some())
             + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
+        prelude += &WGSL.integer("PACKS", PACKS);
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {

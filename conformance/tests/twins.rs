@@ -189,6 +189,7 @@ const WGPU: Backend = Backend {
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
         ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
         ("evaluate", "moments", "four rows share the light where drivers run on processors"),
+        ("classify", "write", "four voxels share the control points and where they are"),
         ("mesh", "first_within", "cells without triangles near leave the loops at once, which no condition does"),
     ],
     lacks: &[],
