@@ -2,7 +2,7 @@
 
 @compute @workgroup_size(UNITS)
 fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    if ROWS > 1u && params.folded == 0u {
+    if SHARES && params.folded == 0u {
         // A quarter of the invocations take four moments each, which share the light.
         let n = number(id) * UNITS + 4u * lane;
         if lane < UNITS / 4u && n < launch.count {
