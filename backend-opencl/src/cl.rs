@@ -28,9 +28,6 @@ const WORKGROUP: usize = 64;
 /// The same where each works on a packet: few, so that cores share the work evenly.
 const WIDE_WORKGROUP: usize = 4;
 
-/// How long a wait asks before it sleeps.
-const SHORTLY: Duration = Duration::from_micros(200);
-
 /// A device's context and its queue, which runs in order.
 #[derive(Debug)]
 pub(crate) struct Cl {
@@ -407,9 +404,6 @@ impl Cl {
     /// waits for every kernel under way.
     fn wait_patiently(&mut self) -> Result<(), DeviceError> {
         let Some(patience) = self.patience else {
-            if let Some((last, _)) = self.under_way.back() {
-                await_shortly(last);
-            }
             self.under_way.clear();
             return Ok(());
         };
@@ -463,18 +457,6 @@ impl Cl {
             (ProfilingInfoResult::Start(start), ProfilingInfoResult::End(end)) => Ok(end.saturating_sub(start)),
             _ => Ok(0),
         }
-    }
-}
-
-/// Lets other threads run until a command is done, for a short time: a thread that sleeps takes as long to wake up as a
-/// small kernel runs.
-fn await_shortly(event: &Event) {
-    let begin = Instant::now();
-    // What fails is told by what waits for it.
-    while matches!(core::event_status(event), Ok(status) if status != CommandExecutionStatus::Complete)
-        && begin.elapsed() < SHORTLY
-    {
-        thread::yield_now();
     }
 }
 
