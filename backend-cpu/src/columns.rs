@@ -153,6 +153,24 @@ pub(crate) fn spans(cells: usize, voxels: impl Fn(u32) -> [u32; 2]) -> impl Iter
     })
 }
 
+/// Where cell `n` of so many voxels begins and ends along an axis.
+#[inline(always)]
+pub(crate) fn within(side: f32, n: u32) -> [f32; 2] {
+    [n as f32 * side, (n + 1) as f32 * side]
+}
+
+/// The first and the last of so many voxels that lie between two places.
+#[inline(always)]
+pub(crate) fn filled([begin, end]: [f32; 2], voxels: u32) -> [u32; 2] {
+    [(begin.floor() as u32).min(voxels - 1), (end.ceil() as u32).clamp(1, voxels) - 1]
+}
+
+/// How much of so many voxels lies between two places.
+#[inline(always)]
+pub(crate) fn inside([begin, end]: [f32; 2], voxels: u32) -> f32 {
+    (end.min(voxels as f32) - begin).max(0.0)
+}
+
 /// Cells of a grid in tasks, each of them cells of one row along x that lie together: the first cell, and where what comes of
 /// them goes. `cells` begin with cell `begin`; a row has `across` of them.
 pub(crate) fn tasks<T>(cells: &mut [T], begin: usize, across: usize) -> Vec<(usize, &mut [T])> {

@@ -13,7 +13,7 @@ use airlight_core::stage::Stage;
 use bytemuck::Pod;
 
 use crate::kernels::field::Scalars;
-use crate::{Isa, kernels};
+use crate::{Isa, kernels, tiles};
 
 /// The processor's cores as a device.
 pub struct CpuDevice {
@@ -198,7 +198,7 @@ impl Device for CpuDevice {
             Stage::Project(stage) => kernels::project::run(stage, part, &mut memory, isa),
             Stage::Propagate(stage) => kernels::propagate::run(stage, part, &mut memory, isa),
             Stage::Relight(stage) => kernels::relight::run(stage, part, &mut memory, isa),
-            Stage::March(stage) => kernels::march::run(stage, part, &mut memory, isa),
+            Stage::March(stage) => tiles::run(stage, part, &mut memory, isa),
             Stage::Trace(stage) => kernels::trace::run(stage, part, &mut memory, isa),
             Stage::Shade(stage) => kernels::shade::run(stage, part, &mut memory, isa),
             Stage::Shadow(stage) => kernels::shadow::run(stage, part, &mut memory, isa),

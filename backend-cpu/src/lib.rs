@@ -16,6 +16,7 @@ mod kernels;
 mod packet;
 mod paths;
 mod simd;
+mod tiles;
 
 pub use bare::{BareRay, bare_lookups};
 pub use device::CpuDevice;

@@ -7,9 +7,9 @@ use airlight_core::stage::{Coarsen, CoarsenParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
-use super::reduce::{filled, share};
+use super::reduce::share;
 use crate::Isa;
-use crate::columns::{Columns, Rows, spans, tasks};
+use crate::columns::{Columns, Rows, filled, inside, spans, tasks, within};
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::simd::Simd;
@@ -82,12 +82,6 @@ fn coarsen<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; PLANES]]
     }
 }
 
-/// Where a cell begins and ends along an axis.
-#[inline(always)]
-fn within(p: &CoarsenParams, a: usize, n: u32) -> [f32; 2] {
-    [n as f32 * p.cell[a], (n + 1) as f32 * p.cell[a]]
-}
-
 /// The sums over the voxels of cells of a row, each weighed by the part of it that lies in the cell, to place `to` of each.
 #[inline(always)]
 fn sums<S: Simd>(
@@ -97,14 +91,14 @@ fn sums<S: Simd>(
     to: usize,
     out: &mut [[f32; PLANES]],
 ) {
-    let voxels = |a: usize, n: u32| filled(within(p, a, n), p.dims[a]);
-    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(p, 1, j), within(p, 2, k)] };
+    let voxels = |a: usize, n: u32| filled(within(p.cell[a], n), p.dims[a]);
+    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(p.cell[1], j), within(p.cell[2], k)] };
     let mut columns = Columns::NONE;
     for (cells, span) in spans(out.len(), |n| voxels(0, column + n)) {
         columns.fill::<S>(field, span, &rows);
         for n in cells {
             let cell = column + n as u32;
-            out[n][to] += columns.sum::<S>(within(p, 0, cell), voxels(0, cell));
+            out[n][to] += columns.sum::<S>(within(p.cell[0], cell), voxels(0, cell));
         }
     }
 }
@@ -112,7 +106,7 @@ fn sums<S: Simd>(
 /// Extinction, albedo and emission of a cell where colors vary.
 fn colored(inputs: &Inputs<'_>, cell: [u32; 3]) -> [f32; PLANES] {
     let p = inputs.p;
-    let within = [0, 1, 2].map(|a| within(p, a, cell[a]));
+    let within = [0, 1, 2].map(|a| within(p.cell[a], cell[a]));
     let voxels = [0, 1, 2].map(|a| filled(within[a], p.dims[a]));
     let (mut density, mut scatters, mut shines) = (0.0, [0.0; 3], [0.0; 3]);
     for k in voxels[2][0]..=voxels[2][1] {
@@ -153,10 +147,7 @@ fn colored(inputs: &Inputs<'_>, cell: [u32; 3]) -> [f32; PLANES] {
 /// What sums over a cell make of light in it.
 #[inline(always)]
 fn optics(p: &CoarsenParams, cell: [u32; 3], density: f32, scatters: [f32; 3], shines: [f32; 3]) -> [f32; PLANES] {
-    let [x, y, z] = [0, 1, 2].map(|a| {
-        let [begin, end] = within(p, a, cell[a]);
-        (end.min(p.dims[a] as f32) - begin).max(0.0)
-    });
+    let [x, y, z] = [0, 1, 2].map(|a| inside(within(p.cell[a], cell[a]), p.dims[a]));
     // A cell holds a part of a voxel at the least, but its sides are rounded.
     let volume = (x * y * z).max(1e-30);
     let on = p.emission[3];

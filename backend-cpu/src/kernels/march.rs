@@ -1,11 +1,7 @@
 //! `march`: view rays through the medium.
 
-use std::ops::Range;
-
 use airlight_core::blue_noise;
-use airlight_core::device::DeviceError;
 use airlight_core::stage::{FAR, LightRecord, March, MarchParams, MeshRecord, alone, shadow_kind, surface_shadow};
-use rayon::prelude::*;
 
 use super::face::{face, side_of};
 use super::field::{Colors, Places};
@@ -17,66 +13,17 @@ use super::phong::{normal, phong};
 use super::sample::{Ahead, Ray};
 use super::segment::{decays, segment};
 use super::sky::sky;
-use crate::Isa;
-use crate::device::Memory;
-use crate::film::{Film, Pixels, SIDE, lanes_of, packets};
+use crate::film::{Pixels, SIDE, lanes_of, packets};
 use crate::inputs::Inputs;
-use crate::isa::compiled_for;
 use crate::packet::{F, LANES, M, dot, each, lanes, triple};
 use crate::simd::{Floats, Simd};
 
-const BLOCK: usize = March::BLOCK as usize;
-/// Blocks along each side of what a task takes.
-const TILE: usize = 4;
 /// Steps whose density is looked up together, so that each waits less for its own.
 const TOGETHER: usize = 2;
 
-pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
-    memory.take(stage.film)?;
-    if let Some(paths) = stage.paths {
-        memory.take(paths)?;
-    }
-    let (out, read) = memory.split();
-    let (inputs, p) = (Inputs::new(stage, read)?, &stage.params);
-    let mut out = out.into_iter();
-    let film = &Film::new(out.next(), out.next(), [p.width, p.height]);
-    let [across, down] = [p.width, p.height].map(|n| (n as usize).div_ceil(BLOCK));
-    // A task takes blocks that lie together: their rays see the same part of the medium.
-    let tiles = across.div_ceil(TILE);
-    (0..tiles * down.div_ceil(TILE)).into_par_iter().for_each(|tile| {
-        let corner = [tile % tiles * TILE, tile / tiles * TILE];
-        for y in corner[1]..(corner[1] + TILE).min(down) {
-            for x in corner[0]..(corner[0] + TILE).min(across) {
-                if range.contains(&((y * across + x) as u32)) {
-                    block(&inputs, isa, [x * BLOCK, y * BLOCK], film);
-                }
-            }
-        }
-    });
-    Ok(())
-}
-
-/// Marches the pixels of a block whose first one is `corner`, into the film.
-fn block(inputs: &Inputs<'_>, isa: Isa, corner: [usize; 2], film: &Film<'_>) {
-    let more = inputs.p.sample_begin > 0 || inputs.p.step_begin > 0;
-    for packet in 0..(BLOCK / SIDE) * (BLOCK / SIDE) {
-        let place = [corner[0] + packet % (BLOCK / SIDE) * SIDE, corner[1] + packet / (BLOCK / SIDE) * SIDE];
-        // SAFETY: every pixel is of one block, and every block of one task.
-        #[allow(unsafe_code)]
-        let mut pixels = if more { unsafe { film.load(place) } } else { Pixels::default() };
-        let out = &mut pixels;
-        compiled_for!(isa, march<S>(inputs: &Inputs<'_>, place: [usize; 2], out: &mut Pixels));
-        // SAFETY: as above.
-        #[allow(unsafe_code)]
-        unsafe {
-            film.store(place, &pixels);
-        }
-    }
-}
-
 /// Sixteen pixels from `corner` on: the mean over their sub-pixel positions.
 #[inline(always)]
-fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
+pub(crate) fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut Pixels) {
     let p = inputs.p;
     let marched: M<S> = if p.alone == alone::RIMS { rim(inputs, corner) } else { M::ALL };
     if !marched.any() {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::field::Scalars;
 use super::maximum::{probe, touched};
 use crate::Isa;
-use crate::columns::{Columns, Rows, spans, tasks};
+use crate::columns::{Columns, Rows, filled, inside, spans, tasks, within};
 use crate::device::Memory;
 use crate::isa::compiled_for;
 use crate::simd::Simd;
@@ -56,14 +56,15 @@ fn reduce<S: Simd>(
     let [x, y, ..] = p.coarse;
     let [column, j, k] = [first as u32 % x, first as u32 / x % y, first as u32 / x / y];
     // The maximum touches all voxels that the mean does.
-    let voxels = |a: usize, n: u32| if p.coarse[3] > 0 { filled(within(p, a, n), p.dims[a]) } else { touched(p, a, n) };
-    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(p, 1, j), within(p, 2, k)] };
+    let voxels =
+        |a: usize, n: u32| if p.coarse[3] > 0 { filled(within(p.cell[a], n), p.dims[a]) } else { touched(p, a, n) };
+    let rows = Rows { voxels: [voxels(1, j), voxels(2, k)], within: [within(p.cell[1], j), within(p.cell[2], k)] };
     let mut columns = Columns::NONE;
     out.fill([0.0; 2]);
     for (cells, span) in spans(out.len(), |n| voxels(0, column + n)) {
         columns.fill::<S>(density, span, &rows);
         for n in cells.clone() {
-            let (along, touched) = (within(p, 0, column + n as u32), voxels(0, column + n as u32));
+            let (along, touched) = (within(p.cell[0], column + n as u32), voxels(0, column + n as u32));
             out[n][0] += columns.sum::<S>(along, filled(along, p.dims[0]));
             out[n][1] = out[n][1].max(columns.most::<S>(touched));
         }
@@ -92,22 +93,7 @@ pub(crate) fn share([begin, end]: [f32; 2], i: u32) -> f32 {
 /// The mean over a cell with this sum.
 #[inline(always)]
 fn mean(p: &ReduceParams, cell: [u32; 3], sum: f32) -> f32 {
-    let [x, y, z] = [0, 1, 2].map(|a| {
-        let [begin, end] = within(p, a, cell[a]);
-        (end.min(p.dims[a] as f32) - begin).max(0.0)
-    });
+    let [x, y, z] = [0, 1, 2].map(|a| inside(within(p.cell[a], cell[a]), p.dims[a]));
     let weight = x * y * z;
     if weight > 0.0 { sum / weight } else { 0.0 }
-}
-
-/// Where a cell begins and ends along an axis.
-#[inline(always)]
-fn within(p: &ReduceParams, a: usize, n: u32) -> [f32; 2] {
-    [n as f32 * p.cell[a], (n + 1) as f32 * p.cell[a]]
-}
-
-/// The first and the last of so many voxels that lie between two places.
-#[inline(always)]
-pub(crate) fn filled([begin, end]: [f32; 2], voxels: u32) -> [u32; 2] {
-    [(begin.floor() as u32).min(voxels - 1), (end.ceil() as u32).clamp(1, voxels) - 1]
 }
