@@ -10,9 +10,9 @@ typedef struct {
     Ray ray;
     F3 radiance;
     F3 transmittance;
-    // Light stopped so far, and the same weighed with its distance.
+    // Light stopped so far, of all channels or of the one that serves all, and the same weighed with the number of its step.
     F stopped;
-    F stopped_at;
+    F stopped_in;
 } Path;
 
 // What the medium does to light at a point, per channel: extinction and scattering in 1/m, emission in W m^-3 sr^-1.
@@ -144,7 +144,7 @@ void run_march(const Bound *bound) {
         color = add3(color, add3(path.radiance, mul3(path.transmittance, behind)));
         transmitted = add3(transmitted, path.transmittance);
         stopped += path.stopped;
-        stopped_at += path.stopped_at;
+        stopped_at += path.stopped * middle(&path.ray, 0.0f) + path.stopped_in * path.ray.step;
     }
     if (bound->params->sample_end < bound->params->samples) {
         put_eight(bound->film, pixel, marched, color, stopped, transmitted, stopped_at);
@@ -209,7 +209,7 @@ Path enter(const Bound *bound, F3 direction, F limit, F place) {
     path.radiance = all3((float3)(0.0f));
     path.transmittance = all3((float3)(1.0f));
     path.stopped = (F)(0.0f);
-    path.stopped_at = (F)(0.0f);
+    path.stopped_in = (F)(0.0f);
     return path;
 }
 
@@ -219,12 +219,12 @@ void resume(const Bound *bound, Path *path, U pixel) {
     path->radiance = load(bound->paths, pixel, 8u, 0u);
     path->stopped = fetch(paths, 8u * pixel + 3u);
     path->transmittance = load(bound->paths, pixel, 8u, 4u);
-    path->stopped_at = fetch(paths, 8u * pixel + 7u);
+    path->stopped_in = fetch(paths, 8u * pixel + 7u);
 }
 
 // Leaves the paths to the next pass.
 void keep(const Bound *bound, const Path *path, U pixel, M kept) {
-    put_eight(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_at);
+    put_eight(bound->paths, pixel, kept, path->radiance, path->stopped, path->transmittance, path->stopped_in);
 }
 
 // The steps of this pass.
@@ -253,7 +253,8 @@ void walk(const Bound *bound, Path *path) {
     F3 radiance = path->radiance;
     F3 transmittance = path->transmittance;
     F stopped = path->stopped;
-    F stopped_at = path->stopped_at;
+    F stopped_in = path->stopped_in;
+    Samples places = samples(&ray);
     while (k < last) {
         F brightest = transmittance.x;
         if (!grey) {
@@ -275,7 +276,7 @@ void walk(const Bound *bound, Path *path) {
             }
             ask = ahead.until;
         }
-        F3 at = along(&ray, t);
+        F3 at = sampled(&places, k);
         Optics here = optics(bound, at, size, within);
         F3 sent = here.emission;
         M dense = open & (greater(greater(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f);
@@ -293,14 +294,14 @@ void walk(const Bound *bound, Path *path) {
                 radiance = add3(radiance, scale3(sent, stops));
             }
             transmittance.x = open ? transmittance.x * piece.x : transmittance.x;
-            share = stops * 3.0f;
+            share = stops;
         } else if (grey) {
             // One channel serves all; the others are made from it at the end.
             F2 piece = segment(here.extinction.x * ray.step);
             F reach = open ? transmittance.x * ray.step * piece.y : (F)(0.0f);
             radiance = add3(radiance, scale3(sent, reach));
             transmittance.x = open ? transmittance.x * piece.x : transmittance.x;
-            share = here.extinction.x * reach * 3.0f;
+            share = here.extinction.x * reach;
         } else {
             F2 red = segment(here.extinction.x * ray.step);
             F2 green = segment(here.extinction.y * ray.step);
@@ -313,7 +314,7 @@ void walk(const Bound *bound, Path *path) {
             share = dot3(here.extinction, reach);
         }
         stopped += share;
-        stopped_at += share * t;
+        stopped_in += share * k;
         k += 1.0f;
     }
     if (grey) {
@@ -322,7 +323,7 @@ void walk(const Bound *bound, Path *path) {
     path->radiance = radiance;
     path->transmittance = transmittance;
     path->stopped = stopped;
-    path->stopped_at = stopped_at;
+    path->stopped_in = stopped_in;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.

@@ -6,15 +6,28 @@ typedef struct {
     F3 origin;
     // Direction in voxels per metre.
     F3 direction;
+    // Metres per voxel, of its sign.
+    F3 inverse;
     // Metres along the ray where the first step begins.
     F start;
     // Length of a step, metres; zero where there is none.
     F step;
+    // Steps per metre; infinite where there is none.
+    F per_metre;
     // Number of steps.
     F steps;
     // Where a step is sampled, as a part of it.
     F place;
 } Ray;
+
+// Where a packet of rays is sampled.
+typedef struct {
+    F3 first;
+    F3 stride;
+} Samples;
+
+INLINE F3 along(const Ray *ray, F t);
+INLINE F middle(const Ray *ray, float k);
 
 // What lies before a packet of rays.
 typedef struct {
@@ -23,27 +36,29 @@ typedef struct {
     float until;
 } Ahead;
 
-// Where each lane that is active stands in an empty block: the number of the next sample that any of them must look at. Else
-// until when one of them stands in a block that is not empty. Samples lie at t0 + (k + place) steps. `blocks`: blocks along x, y,
-// z and their side in voxels.
+// Where each lane that is active stands in an empty block: the number of the next sample that any of them must look at, the
+// first beyond what is known to be empty. Else until when one of them stands in a block that is not empty. Samples lie at t0 + (k +
+// place) steps. `blocks`: blocks along x, y, z and their side in voxels.
 INLINE Ahead skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks, M active) {
     float side = convert_float(blocks.w);
+    float per_voxel = 1.0f / side;
     F3 last = all3(convert_float3(blocks.xyz - 1u));
     F3 at = add3(ray->origin, scale3(ray->direction, t));
     F zero = (F)(0.0f);
     // What is rounded toward zero in place of down is below zero, and so in the first block.
-    I x = to_int(lesser(greater((at.x + 0.5f) / side, zero), last.x));
-    I y = to_int(lesser(greater((at.y + 0.5f) / side, zero), last.y));
-    I z = to_int(lesser(greater((at.z + 0.5f) / side, zero), last.z));
+    I x = to_int(lesser(greater((at.x + 0.5f) * per_voxel, zero), last.x));
+    I y = to_int(lesser(greater((at.y + 0.5f) * per_voxel, zero), last.y));
+    I z = to_int(lesser(greater((at.z + 0.5f) * per_voxel, zero), last.z));
     I cell = (z * (int)blocks.y + y) * (int)blocks.x + x;
     F3 way = ray->direction;
-    F3 wall = f3((way.x > zero ? to_float(x) + 1.0f : to_float(x)) * side - 0.5f,
-                 (way.y > zero ? to_float(y) + 1.0f : to_float(y)) * side - 0.5f,
-                 (way.z > zero ? to_float(z) + 1.0f : to_float(z)) * side - 0.5f);
+    F before = (F)(-0.5f - REDUCE_BEYOND);
+    F behind = (F)(side - 0.5f + REDUCE_BEYOND);
+    F3 wall = f3(to_float(x) * side + (way.x > zero ? behind : before), to_float(y) * side + (way.y > zero ? behind : before),
+                 to_float(z) * side + (way.z > zero ? behind : before));
     F3 leave = sub3(wall, ray->origin);
-    F exit = lesser(lesser(leave.x / way.x, leave.y / way.y), leave.z / way.z);
-    // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-    F beyond = floored((exit - ray->start) / ray->step - ray->place);
+    F3 out = mul3(leave, ray->inverse);
+    F exit = lesser(lesser(out.x, out.y), out.z);
+    F beyond = floored((exit - ray->start) * ray->per_metre - ray->place + 1.0f);
     // Means and maxima, in turn.
     M dense = active & (fetch((__global const float *)bound->occupancy, 2 * cell + 1) > zero);
     Ahead ahead;
@@ -53,15 +68,21 @@ INLINE Ahead skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks
     return ahead;
 }
 
+// Where step `k` is sampled.
+INLINE F3 sampled(const Samples *at, float k) {
+    return add3(at->first, scale3(at->stride, (F)(k)));
+}
+
 // The rays from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
 // steps.
 Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
-    // A ray along a wall: far enough from parallel that the quotients below are numbers.
+    // A ray along a wall: far enough from parallel that what is below are numbers.
     F little = (F)(1e-20f);
     F3 d = f3(fabs(direction.x) < little ? little : direction.x, fabs(direction.y) < little ? little : direction.y,
               fabs(direction.z) < little ? little : direction.z);
-    F3 lower = f3((-0.5f - origin.x) / d.x, (-0.5f - origin.y) / d.y, (-0.5f - origin.z) / d.z);
-    F3 upper = f3((size.x - 0.5f - origin.x) / d.x, (size.y - 0.5f - origin.y) / d.y, (size.z - 0.5f - origin.z) / d.z);
+    F3 inverse = f3(1.0f / d.x, 1.0f / d.y, 1.0f / d.z);
+    F3 lower = mul3(f3(-0.5f - origin.x, -0.5f - origin.y, -0.5f - origin.z), inverse);
+    F3 upper = mul3(f3(size.x - 0.5f - origin.x, size.y - 0.5f - origin.y, size.z - 0.5f - origin.z), inverse);
     F zero = (F)(0.0f);
     F near = greater(greater(lesser(lower.x, upper.x), lesser(lower.y, upper.y)), greater(lesser(lower.z, upper.z), zero));
     F far = lesser(lesser(greater(lower.x, upper.x), greater(lower.y, upper.y)), lesser(greater(lower.z, upper.z), limit));
@@ -69,9 +90,11 @@ Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
     Ray ray;
     ray.origin = origin;
     ray.direction = d;
+    ray.inverse = inverse;
     ray.start = near;
     ray.steps = ceil(extent / longest);
     ray.step = ray.steps > zero ? extent / greater(ray.steps, (F)(1.0f)) : zero;
+    ray.per_metre = 1.0f / ray.step;
     ray.place = (F)(0.5f);
     return ray;
 }
@@ -79,8 +102,17 @@ Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
 // The same part of the rays in `count` steps.
 Ray in_steps(Ray ray, float count) {
     ray.step = ray.step * ray.steps / count;
+    ray.per_metre = 1.0f / ray.step;
     ray.steps = ray.steps > (F)(0.0f) ? (F)(count) : (F)(0.0f);
     return ray;
+}
+
+// Where the first step is sampled, and from there to where each next one is, in index space.
+INLINE Samples samples(const Ray *ray) {
+    Samples at;
+    at.first = along(ray, middle(ray, 0.0f));
+    at.stride = scale3(ray->direction, ray->step);
+    return at;
 }
 
 // The points `t` metres along.
@@ -99,21 +131,21 @@ F column(const Bound *bound, const Ray *ray, uint4 blocks, M lanes) {
     int3 size = convert_int3(bound->params->dims.xyz);
     F steps = lanes ? ray->steps : (F)(0.0f);
     float last = largest_lane(steps);
+    Samples places = samples(ray);
     F sum = (F)(0.0f);
     float k = 0.0f;
     float ask = 0.0f;
     while (k < last) {
         M active = k < steps;
-        F t = middle(ray, k);
         if (blocks.w > 0u && k >= ask) {
-            Ahead ahead = skip(bound, ray, t, k, blocks, active);
+            Ahead ahead = skip(bound, ray, middle(ray, k), k, blocks, active);
             if (ahead.empty) {
                 k = ahead.until;
                 continue;
             }
             ask = ahead.until;
         }
-        F density = sample_density(bound, along(ray, t), size, 0);
+        F density = sample_density(bound, sampled(&places, k), size, 0);
         sum += active ? density : (F)(0.0f);
         k += 1.0f;
     }

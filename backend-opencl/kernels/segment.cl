@@ -11,11 +11,11 @@ INLINE F2 segment(F tau) {
 
 // exp(-tau) and 1 - exp(-tau) for tau >= 0, both to a few units in the last place.
 F2 decay(F tau) {
-    // exp(-tau) is 2^n (1 + q): without the sum of 1 and q nothing of a small tau is lost.
+    // exp(-tau) is 2^n (1 - q): without the difference of 1 and q nothing of a small tau is lost.
     F2 parts = decay_parts(lesser(tau, (F)(87.0f)));
     F part = parts.x * parts.y;
     F2 both;
-    both.x = parts.x + part;
-    both.y = 1.0f - parts.x - part;
+    both.x = parts.x - part;
+    both.y = 1.0f - parts.x + part;
     return both;
 }

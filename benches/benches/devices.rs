@@ -142,6 +142,14 @@ fn prepare(criterion: &mut Criterion) {
     }
     uploading.finish();
 
+    let mut dispatching = group(criterion, "prepare/dispatch");
+    for id in devices() {
+        let mut rig = Rig::new(open(&id)).expect("the density fits");
+        let (stage, _) = rig.relight([1; 3]).expect("its resources fit");
+        dispatching.bench_function(id, |b| b.iter(|| rig.run(&stage).expect("the stage runs")));
+    }
+    dispatching.finish();
+
     // Allocation, compilation, upload, records and march on a device just opened. `frame/records-dynamic-medium` is
     // the same without allocation and compilation.
     let mut first = group(criterion, "prepare/first-frame");

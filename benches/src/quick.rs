@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use airlight::Renderer;
 use airlight::device::Device;
+use airlight::stage::Stage;
 
 use crate::{Frame, Lookups, Rig, STAGES, View, density, lattice, scene};
 
@@ -45,7 +46,7 @@ impl Timing {
 pub fn names() -> Vec<String> {
     let stages = STAGES.iter().map(|stage| format!("stage/{stage}"));
     let frames = Frame::ALL.iter().map(|frame| format!("frame/{}", frame.name()));
-    let first = [OPEN, UPLOAD, LOOKUPS].map(str::to_owned).into_iter().chain(stages);
+    let first = [OPEN, UPLOAD, DISPATCH, LOOKUPS].map(str::to_owned).into_iter().chain(stages);
     first.chain([COMPILE, FIRST_FRAME].map(str::to_owned)).chain(frames).collect()
 }
 
@@ -53,6 +54,8 @@ pub fn names() -> Vec<String> {
 const LOOKUPS: &str = "baseline/packets";
 const OPEN: &str = "prepare/open";
 const UPLOAD: &str = "prepare/upload";
+/// `relight` of one cell.
+const DISPATCH: &str = "prepare/dispatch";
 const COMPILE: &str = "prepare/compile";
 const FIRST_FRAME: &str = "prepare/first-frame";
 
@@ -81,6 +84,9 @@ pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl
     let runs = repeat(|| Ok(()), |()| Ok(rig.upload(&values)?))?;
     tell(Timing::new(UPLOAD, runs, Some((lattice().voxels(), "voxels"))));
 
+    let (least, _) = rig.relight([1; 3])?;
+    tell(Timing::new(DISPATCH, timed(&mut rig, &least)?.1, None));
+
     let view = View::new(256, 192);
     let lookups = Lookups::new(&view);
     let runs = repeat(|| Ok(()), |()| Ok(std::hint::black_box(lookups.sum())))?;
@@ -88,11 +94,7 @@ pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl
     let mut compiling = Duration::ZERO;
     for name in STAGES {
         let (stage, elements, unit) = rig.stage(name, &view)?;
-        let begin = Instant::now();
-        rig.run(&stage)?;
-        let first = begin.elapsed();
-        (0..SETTLING).try_for_each(|_| rig.run(&stage))?;
-        let runs = repeat(|| Ok(()), |()| Ok(rig.run(&stage)?))?;
+        let (first, runs) = timed(&mut rig, &stage)?;
         let timing = Timing::new(format!("stage/{name}"), runs, Some((elements, unit)));
         compiling += first.saturating_sub(timing.median);
         tell(timing);
@@ -115,6 +117,15 @@ pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl
         tell(Timing::new(format!("frame/{}", frame.name()), repeat(|| Ok(()), |()| Ok(next()?))?, pixels));
     }
     Ok(())
+}
+
+/// The times of a stage's first run and, once it has settled, of more.
+fn timed(rig: &mut Rig, stage: &Stage) -> Result<(Duration, Vec<Duration>), Fault> {
+    let begin = Instant::now();
+    rig.run(stage)?;
+    let first = begin.elapsed();
+    (0..SETTLING).try_for_each(|_| rig.run(stage))?;
+    Ok((first, repeat(|| Ok(()), |()| Ok(rig.run(stage)?))?))
 }
 
 /// The times of `run`, without what `prepare` takes before it and what dropping its result takes after.
@@ -147,7 +158,7 @@ mod tests {
         for t in &timings {
             assert!(t.fastest <= t.median && t.median <= t.slowest, "{t:?}");
             assert!((1..=MOST).contains(&t.runs), "{t:?}");
-            assert_eq!(t.elements.is_none(), [OPEN, COMPILE].contains(&t.name.as_str()), "{t:?}");
+            assert_eq!(t.elements.is_none(), [OPEN, DISPATCH, COMPILE].contains(&t.name.as_str()), "{t:?}");
         }
     }
 

@@ -177,7 +177,7 @@ impl Rig {
             "reduce" => (self.reduce(), "voxels"),
             "project" => (self.project(), "cells"),
             "propagate" => (self.propagate(CELLS, 1, scheme::SHORT_CHARACTERISTICS), "cells"),
-            "relight" => (self.relight(), "cells"),
+            "relight" => (self.relight([50; 3]), "cells"),
             "march" => (self.march(view), "samples"),
             "trace" => (self.trace(view).map(|(trace, rays)| (Stage::Trace(trace), rays)), "rays"),
             "shade" => (self.shade(view), "hits"),
@@ -189,7 +189,7 @@ impl Rig {
             "sweep" => (self.sweep(), "cells"),
             "obstruct" => (self.obstruct(), "cells"),
             "path" => (self.path(view), "paths"),
-            "evaluate" => (self.evaluate(1, false), "products"),
+            "evaluate" => (self.evaluate(4, false), "products"),
             "reconstruct" => (self.reconstruct(1, 1, false), "cells"),
             "classify" => (self.classify(), "voxels"),
             "photons" => (self.photons(), "photons"),
@@ -316,9 +316,12 @@ impl Rig {
         Ok((Stage::Propagate(stage), u64::from(lights) * count(cells)))
     }
 
-    /// `relight` of 9 coefficients to one layer. Its elements are the cells.
-    fn relight(&mut self) -> Result<(Stage, u64), DeviceError> {
-        let (cells, coefficients) = (count(CELLS), BANDS * BANDS);
+    /// `relight` of 9 coefficients to one layer, of so many cells. Its elements are the cells.
+    ///
+    /// # Errors
+    /// A device fault.
+    pub fn relight(&mut self, cells: [u32; 3]) -> Result<(Stage, u64), DeviceError> {
+        let (cells, coefficients) = (count(cells), BANDS * BANDS);
         let records: Vec<f32> = (0..cells * u64::from(coefficients)).map(|n| (n % 17) as f32 / 17.0).collect();
         let light: Vec<[f32; 4]> = (0..coefficients).map(|k| [1.0 / (k + 1) as f32; 4]).collect();
         let stage = Relight {

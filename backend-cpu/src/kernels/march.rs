@@ -83,7 +83,7 @@ pub(crate) fn march<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut 
         color = triple!(c => color[c] + path.radiance[c] + path.transmittance[c] * behind[c]);
         through = triple!(c => through[c] + path.transmittance[c]);
         stopped = stopped + path.stopped;
-        stopped_at = stopped_at + path.stopped_at;
+        stopped_at = stopped_at + path.stopped * path.ray.middle(0.0) + path.stopped_in * path.ray.step;
     }
     if p.sample_end < p.samples {
         out[0] = lanes_of([[color[0], color[1], color[2], stopped], [through[0], through[1], through[2], stopped_at]]);
@@ -142,9 +142,10 @@ struct Path<S> {
     ray: Ray<S>,
     radiance: [F<S>; 3],
     transmittance: [F<S>; 3],
-    /// Light stopped so far, and the same weighed with its distance.
+    /// Light stopped so far, of all channels or of the one that serves all, and the same weighed with the number of its
+    /// step.
     stopped: F<S>,
-    stopped_at: F<S>,
+    stopped_in: F<S>,
 }
 
 impl<S: Simd> Path<S> {
@@ -165,7 +166,7 @@ impl<S: Simd> Path<S> {
             radiance: [F::ZERO; 3],
             transmittance: [F::ONE; 3],
             stopped: F::ZERO,
-            stopped_at: F::ZERO,
+            stopped_in: F::ZERO,
         }
     }
 
@@ -173,14 +174,14 @@ impl<S: Simd> Path<S> {
     #[inline(always)]
     fn resume(&mut self, [light, through]: &[[Floats; 4]; 2]) {
         [self.radiance[0], self.radiance[1], self.radiance[2], self.stopped] = packets(light);
-        [self.transmittance[0], self.transmittance[1], self.transmittance[2], self.stopped_at] = packets(through);
+        [self.transmittance[0], self.transmittance[1], self.transmittance[2], self.stopped_in] = packets(through);
     }
 
     /// What the next pass needs of the path.
     #[inline(always)]
     fn keep(&self) -> [[Floats; 4]; 2] {
         let ([r, g, b], [x, y, z]) = (self.radiance, self.transmittance);
-        lanes_of([[r, g, b, self.stopped], [x, y, z, self.stopped_at]])
+        lanes_of([[r, g, b, self.stopped], [x, y, z, self.stopped_in]])
     }
 
     /// The steps of this pass.
@@ -230,7 +231,7 @@ impl<S: Simd> Path<S> {
         until: f32,
     ) -> f32 {
         let p = inputs.p;
-        let thickness = self.ray.step * p.extinction[0];
+        let (samples, thickness) = (self.ray.samples(), self.ray.step * p.extinction[0]);
         // The last of those looked up together may lie behind what was asked of.
         let steps = self.ray.steps.min(F::splat(p.step_end as f32));
         while k < until {
@@ -238,8 +239,7 @@ impl<S: Simd> Path<S> {
             if !F::splat(k).lt(steps).and(self.open(inputs)).any() {
                 break;
             }
-            let t = each!(n in TOGETHER, F::ZERO => self.ray.middle(k + n as f32));
-            let at = each!(n in TOGETHER, [F::ZERO; 3] => self.ray.along(t[n]));
+            let at = each!(n in TOGETHER, [F::ZERO; 3] => samples.sampled(k + n as f32));
             let density = inputs.density.several::<S, TOGETHER>(at);
             let density = each!(n in TOGETHER, F::ZERO => F::splat(k + n as f32).lt(steps).select(density[n], F::ZERO));
             let passed = decays(each!(n in TOGETHER, F::ZERO => density[n] * thickness));
@@ -249,12 +249,12 @@ impl<S: Simd> Path<S> {
                 if LIT {
                     let dense = density[n].gt(F::ZERO).and(open);
                     if dense.any() {
-                        let light = self.light(inputs, at[n], basis, t[n], dense);
+                        let light = self.light(inputs, at[n], basis, self.ray.middle(k + n as f32), dense);
                         self.radiance = triple!(c => self.radiance[c] + stops * (light[c] * p.albedo[c]));
                     }
                 }
                 self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
-                self.stop(stops * 3.0, t[n]);
+                self.stop(stops, k + n as f32);
             }
             k += TOGETHER as f32;
         }
@@ -264,25 +264,24 @@ impl<S: Simd> Path<S> {
     /// The same where channels differ, what scatters is a field of its own, or the medium emits.
     #[inline(always)]
     fn colored(&mut self, inputs: &Inputs<'_>, basis: &[F<S>; harmonics::MAX], mut k: f32, until: f32) -> f32 {
+        let samples = self.ray.samples();
         while k < until {
             let (within, open) = (F::splat(k).lt(self.ray.steps), self.open(inputs));
             if !within.and(open).any() {
                 break;
             }
-            let t = self.ray.middle(k);
-            let at = self.ray.along(t);
-            let stops = self.step(inputs, at, basis, t, within, open);
-            self.stop(stops, t);
+            let stops = self.step(inputs, samples.sampled(k), basis, self.ray.middle(k), within, open);
+            self.stop(stops, k);
             k += 1.0;
         }
         k
     }
 
-    /// Books light that is stopped, `t` metres along.
+    /// Books light that is stopped in step `k`.
     #[inline(always)]
-    fn stop(&mut self, light: F<S>, t: F<S>) {
+    fn stop(&mut self, light: F<S>, k: f32) {
         self.stopped = self.stopped + light;
-        self.stopped_at = self.stopped_at + light * t;
+        self.stopped_in = self.stopped_in + light * k;
     }
 
     /// Where the next step may still be seen.
@@ -295,7 +294,7 @@ impl<S: Simd> Path<S> {
         brightest.ge(F::splat(inputs.p.cut))
     }
 
-    /// A step through any medium: the light that it stops, of all channels.
+    /// A step through any medium: the light that it stops, as [`Path::stopped`] counts it.
     #[inline(always)]
     fn step(
         &mut self,
@@ -324,7 +323,7 @@ impl<S: Simd> Path<S> {
                 self.radiance = triple!(c => self.radiance[c] + reach * sent[c]);
             }
             self.transmittance[0] = open.select(self.transmittance[0] * e, self.transmittance[0]);
-            return extinction[0] * reach * 3.0;
+            return extinction[0] * reach;
         }
         let pieces = triple!(c => segment(extinction[c] * delta));
         let reach = triple!(c => open.select(self.transmittance[c] * delta * pieces[c].1, F::ZERO));

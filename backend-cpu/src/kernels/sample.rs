@@ -1,5 +1,7 @@
 //! Rays through the box of the medium.
 
+use airlight_core::stage::Reduce;
+
 use super::field::Scalars;
 use crate::packet::{F, I, M, each, triple};
 use crate::simd::Simd;
@@ -10,6 +12,8 @@ pub(crate) struct Occupancy<'a> {
     cells: &'a [[f32; 2]],
     dims: [i32; 3],
     side: f32,
+    /// Blocks per voxel.
+    per_voxel: f32,
 }
 
 /// What lies before a packet of rays.
@@ -25,33 +29,34 @@ impl<'a> Occupancy<'a> {
     pub(crate) fn new(cells: &'a [[f32; 2]], dims: [u32; 4]) -> Self {
         let [x, y, z, side] = dims;
         assert!(x > 0 && y > 0 && z > 0 && cells.len() >= x as usize * y as usize * z as usize);
-        Self { cells, dims: [x as i32, y as i32, z as i32], side: side as f32 }
+        let (dims, side) = ([x as i32, y as i32, z as i32], side as f32);
+        Self { cells, dims, side, per_voxel: 1.0 / side }
     }
 
     /// Where every active lane stands in an empty block: the number of the next sample that any of them must look
-    /// at. Else until when one of them stands in a block that is not empty. Samples lie at `t0 + (k + place) Δ` along
+    /// at, the first beyond what is known to be empty. Else until when one of them stands in a block that is not empty. Samples lie at `t0 + (k + place) Δ` along
     /// `origin + t · direction` (index space).
     #[inline(always)]
     pub(crate) fn skip<S: Simd>(&self, ray: &Ray<S>, t: F<S>, k: f32, active: M<S>) -> Ahead {
         let last = triple!(a => (self.dims[a] - 1) as f32);
         let block = triple!(a => {
-            ((ray.origin[a] + t * ray.direction[a] + 0.5) / self.side).floor().max(F::ZERO).min(F::splat(last[a]))
+            // Rounded toward zero in place of down is what lies before the first block, and clamped to it.
+            ((ray.origin[a] + t * ray.direction[a] + 0.5) * self.per_voxel).max(F::ZERO).min(F::splat(last[a])).to_int()
         });
-        let at = triple!(a => block[a].to_int());
         let leave = triple!(a => {
-            let forward = ray.direction[a].gt(F::ZERO);
-            let wall = forward.select((block[a] + 1.0) * self.side - 0.5, block[a] * self.side - 0.5);
-            (wall - ray.origin[a]) / ray.direction[a]
+            let (before, behind) = (-0.5 - Reduce::BEYOND, self.side - 0.5 + Reduce::BEYOND);
+            let wall = ray.direction[a].gt(F::ZERO).select(F::splat(behind), F::splat(before));
+            (block[a].to_float() * self.side + wall - ray.origin[a]) * ray.inverse[a]
         });
         let exit = leave[0].min(leave[1]).min(leave[2]);
         // The maximum is the second float of a block.
         let [nx, ny, _] = self.dims;
-        let place = at[2].times(ny).plus(at[1]).times(nx).plus(at[0]).times(2).plus(I::splat(1));
+        let place = block[2].times(ny).plus(block[1]).times(nx).plus(block[0]);
+        let place = place.plus(place).plus(I::splat(1));
         // SAFETY: indices are clamped to the blocks, which `new` checked to be as many as dims say.
         #[allow(unsafe_code)]
         let most = F::of(unsafe { S::one(bytemuck::cast_slice(self.cells), place.0) });
-        // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-        let beyond = ((exit - ray.start) / ray.step - ray.place).floor();
+        let beyond = ((exit - ray.start) * ray.per_metre - ray.place + 1.0).floor();
         let dense = active.and(most.gt(F::ZERO));
         if dense.any() {
             return Ahead::Dense(dense.select(beyond, F::ZERO).max_lane().max(k + 1.0));
@@ -66,14 +71,32 @@ pub(crate) struct Ray<S> {
     pub(crate) origin: [F<S>; 3],
     /// Direction in voxels per metre.
     pub(crate) direction: [F<S>; 3],
+    /// Metres per voxel, of its sign.
+    inverse: [F<S>; 3],
     /// Metres along the ray where the first step begins.
     pub(crate) start: F<S>,
     /// Length of a step, metres; zero where there is none.
     pub(crate) step: F<S>,
+    /// Steps per metre; infinite where there is none.
+    per_metre: F<S>,
     /// Number of steps.
     pub(crate) steps: F<S>,
     /// Where a step is sampled, as a part of it.
     pub(crate) place: F<S>,
+}
+
+/// Where a packet of rays is sampled.
+pub(crate) struct Samples<S> {
+    first: [F<S>; 3],
+    stride: [F<S>; 3],
+}
+
+impl<S: Simd> Samples<S> {
+    /// Where step `k` is.
+    #[inline(always)]
+    pub(crate) fn sampled(&self, k: f32) -> [F<S>; 3] {
+        triple!(a => self.first[a] + self.stride[a] * k)
+    }
 }
 
 impl<S: Simd> Ray<S> {
@@ -81,24 +104,33 @@ impl<S: Simd> Ray<S> {
     /// ceil(length / longest) equal steps.
     #[inline(always)]
     pub(crate) fn through(origin: [F<S>; 3], direction: [F<S>; 3], size: [f32; 3], limit: F<S>, longest: f32) -> Self {
-        // A ray along a wall: far enough from parallel that the quotients below are numbers.
+        // A ray along a wall: far enough from parallel that what is below are numbers.
         let direction = triple!(a => direction[a].away_from_zero());
-        let lower = triple!(a => (F::splat(-0.5) - origin[a]) / direction[a]);
-        let upper = triple!(a => (F::splat(size[a] - 0.5) - origin[a]) / direction[a]);
+        let inverse = triple!(a => F::ONE / direction[a]);
+        let lower = triple!(a => (F::splat(-0.5) - origin[a]) * inverse[a]);
+        let upper = triple!(a => (F::splat(size[a] - 0.5) - origin[a]) * inverse[a]);
         let [x, y, z] = triple!(a => (lower[a].min(upper[a]), lower[a].max(upper[a])));
         let near = F::ZERO.max(x.0).max(y.0).max(z.0);
         let far = limit.min(x.1).min(y.1).min(z.1);
         let length = (far - near).max(F::ZERO);
         let steps = (length / longest).ceil();
         let step = steps.gt(F::ZERO).select(length / steps.max(F::ONE), F::ZERO);
-        Self { origin, direction, start: near, step, steps, place: F::splat(0.5) }
+        Self { origin, direction, inverse, start: near, step, per_metre: F::ONE / step, steps, place: F::splat(0.5) }
     }
 
     /// The same part of the ray in `count` steps.
     #[inline(always)]
     pub(crate) fn in_steps(self, count: f32) -> Self {
         let steps = self.steps.gt(F::ZERO).select(F::splat(count), F::ZERO);
-        Self { step: self.step * self.steps / count, steps, ..self }
+        let step = self.step * self.steps / count;
+        Self { step, per_metre: F::ONE / step, steps, ..self }
+    }
+
+    /// Where the first step is sampled, and from there to where each next one is, in index space.
+    #[inline(always)]
+    pub(crate) fn samples(&self) -> Samples<S> {
+        let t = self.middle(0.0);
+        Samples { first: self.along(t), stride: triple!(a => self.direction[a] * self.step) }
     }
 
     /// The point `t` metres along.
@@ -119,7 +151,7 @@ impl<S: Simd> Ray<S> {
         /// Lookups that wait less for each other.
         const TOGETHER: usize = 2;
         let steps = lanes.select(self.steps, F::ZERO);
-        let last = steps.max_lane();
+        let (last, samples) = (steps.max_lane(), self.samples());
         let mut sum = F::ZERO;
         let mut k = 0.0;
         while k < last {
@@ -135,7 +167,7 @@ impl<S: Simd> Ray<S> {
             }
             // The last one of them may lie behind what was asked of.
             while k < until {
-                let at = each!(n in TOGETHER, [F::ZERO; 3] => self.along(self.middle(k + n as f32)));
+                let at = each!(n in TOGETHER, [F::ZERO; 3] => samples.sampled(k + n as f32));
                 let density = density.several::<S, TOGETHER>(at);
                 for n in 0..TOGETHER {
                     sum = F::splat(k + n as f32).lt(steps).select(sum + density[n], sum);

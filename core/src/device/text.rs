@@ -408,6 +408,7 @@ impl Recipe {
         for (name, value) in [
             ("FAR", FAR),
             ("REDUCE_SLACK", Reduce::SLACK),
+            ("REDUCE_BEYOND", Reduce::BEYOND),
             ("INJECT_FAR", Inject::FAR),
             ("DENSITY_MAX", LARGEST),
             ("MESH_SLACK", MeshRecord::SLACK),

@@ -240,8 +240,8 @@ pub struct March {
     pub mesh: Option<Buf<MeshRecord>>,
     /// How far lights reach, from `shadow`.
     pub shadow_map: Option<Buf<f32>>,
-    /// Where rays are kept between passes, two vectors a pixel: radiance and light stopped so far, transmittance and
-    /// the same weighed with its distance. Needed only where a pass is a part of a ray.
+    /// Where rays are kept between passes, two vectors a pixel, whose last parts are the device's own: radiance and light
+    /// stopped so far, transmittance and the same weighed with where it is. Needed only where a pass is a part of a ray.
     pub paths: Option<Buf<[f32; 4]>>,
     /// Two vectors a pixel.
     pub film: Buf<[f32; 4]>,
