@@ -337,6 +337,7 @@ pub(super) fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(
             bench.run(record, &Stage::March(stage), cut)?;
             let found: Vec<[f32; 4]> = bench.read(film)?;
             hold(record, set, &host.params, found.as_flattened(), &expected);
+            record.steady_but_contracted("film", found.as_flattened());
             Ok(())
         })
     })
