@@ -14,7 +14,9 @@ pub(crate) const TEXELS_ACROSS: u32 = 1 << 14;
 pub(crate) fn words(element: KernelElement) -> u32 {
     match element {
         // Two words are texels of their own: those that nobody asks for are not read, and words are gathered.
-        KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) | KernelElement::Atomic | KernelElement::F32x2 => 1,
+        KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) | KernelElement::Atomic | KernelElement::F32x2 => {
+            1
+        }
         KernelElement::Scalar(KernelScalar::F32x4 | KernelScalar::U32x4) | KernelElement::Struct(_) => 4,
     }
 }
