@@ -18,9 +18,10 @@ fn sample_FIELD(p: vec3<f32>, size: vec3<i32>, layer: i32) -> VALUE {
     if filters_FIELD {
         return filter_FIELD(q, size, layer);
     }
-    let lo = vec3<i32>(q);
+    let low = floor(q);
+    let lo = vec3<i32>(whole(low));
     let hi = min(lo + 1, size - 1);
-    let f = q - vec3<f32>(lo);
+    let f = q - low;
     let a = row_FIELD(lo.x, hi.x, lo.y, lo.z, f.x, size, layer);
     let b = row_FIELD(lo.x, hi.x, hi.y, lo.z, f.x, size, layer);
     let c = row_FIELD(lo.x, hi.x, lo.y, hi.z, f.x, size, layer);

@@ -183,7 +183,7 @@ fn walk(path: ptr<function, Path>) {
         harmonics(direction, params.bands, &basis);
     }
     let scatters = params.albedo.x + params.albedo.y + params.albedo.z > 0.0;
-    let grid = blocks();
+    let way = samples(ray, blocks());
     let last = min(ray.steps, f32(params.step_end));
     var k = f32(params.step_begin);
     var radiance = (*path).radiance;
@@ -192,15 +192,15 @@ fn walk(path: ptr<function, Path>) {
     var stopped_at = (*path).stopped_at;
     // One condition, and no other way out: software drivers keep a mask for each.
     while (k < last) & !(max(max(transmittance.x, transmittance.y), transmittance.z) < params.cut) {
-        let t = middle(ray, k);
+        let at = way.origin + k * way.stride;
         if has_occupancy {
-            let next = skip(ray, t, k, grid);
+            let next = skip(way, at, k);
             if next >= 0.0 {
                 k = next;
                 continue;
             }
         }
-        let at = along(ray, t);
+        let t = middle(ray, k);
         let here = optics(at, size);
         var light = vec3<f32>(0.0);
         if scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0 {

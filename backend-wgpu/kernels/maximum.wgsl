@@ -25,17 +25,24 @@ fn gathered_FIELD(cell: vec3<u32>, before: vec2<f32>) -> vec2<f32> {
     var k = lo.z + i32(params.row_begin / across);
     for (var row = params.row_begin; row < min(params.row_end, rows); row++) {
         var of_row = 0.0;
-        // Two voxels a turn, whose lookups do not wait for each other.
-        for (var i = lo.x; i <= hi.x; i += 2) {
+        // Five voxels a turn, whose lookups do not wait for each other: rows are ten where cells share a side with blocks.
+        for (var i = lo.x; i <= hi.x; i += 5) {
             let zeros = empty_FIELD(vec3<i32>(i, j, k));
             if zeros > 0 {
-                i += zeros - 2;
+                i += zeros - 5;
                 continue;
             }
-            let texel = texel_FIELD(vec3<i32>(i, j, k), size, 0);
-            let next = select(0.0, texel_FIELD(vec3<i32>(i + 1, j, k), size, 0), i < hi.x);
-            of_row += share(begin.x, end.x, i) * texel + share(begin.x, end.x, i + 1) * next;
-            most = max(most, max(texel, next));
+            let at = i + vec4<i32>(1, 2, 3, 4);
+            let first = texel_FIELD(vec3<i32>(i, j, k), size, 0);
+            var next = vec4<f32>(
+                texel_FIELD(vec3<i32>(at.x, j, k), size, 0), texel_FIELD(vec3<i32>(at.y, j, k), size, 0),
+                texel_FIELD(vec3<i32>(at.z, j, k), size, 0), texel_FIELD(vec3<i32>(at.w, j, k), size, 0),
+            );
+            next = select(vec4<f32>(0.0), next, at <= vec4<i32>(hi.x));
+            of_row += share(begin.x, end.x, i) * first + share(begin.x, end.x, at.x) * next.x
+                + share(begin.x, end.x, at.y) * next.y + share(begin.x, end.x, at.z) * next.z
+                + share(begin.x, end.x, at.w) * next.w;
+            most = larger(larger(most, first), larger(larger(next.x, next.y), larger(next.z, next.w)));
         }
         sum += share(begin.y, end.y, j) * share(begin.z, end.z, k) * of_row;
         j += 1;

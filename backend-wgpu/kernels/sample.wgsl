@@ -16,22 +16,39 @@ struct Ray {
     place: f32,
 }
 
-// Number of the next sample to look at where the ray stands in an empty block, else -1. Samples lie at t0 + (k +
-// place) steps. `blocks`: blocks along x, y, z and their side in voxels.
-fn skip(ray: Ray, t: f32, k: f32, blocks: vec4<u32>) -> f32 {
+// A ray's samples, of which sample k lies at origin + k strides, and its way through the blocks of an occupancy.
+struct Samples {
+    origin: vec3<f32>,
+    stride: vec3<f32>,
+    // Blocks along x, y, z and their side in voxels; side 0 for none.
+    blocks: vec4<u32>,
+    // The ray leaves block n along an axis n wides after `leave`, in samples.
+    wide: vec3<f32>,
+    leave: vec3<f32>,
+}
+
+// What does not change along the ray, of which drivers take nothing out of loops.
+fn samples(ray: Ray, blocks: vec4<u32>) -> Samples {
     let side = f32(blocks.w);
-    let at = ray.origin + t * ray.direction;
-    let block = clamp(floor((at + 0.5) / side), vec3<f32>(0.0), vec3<f32>(blocks.xyz - 1u));
-    let cell = vec3<u32>(block);
+    let per = 1.0 / (ray.step * ray.direction);
+    let origin = ray.origin + (ray.start + ray.step * ray.place) * ray.direction;
+    let wall = select(vec3<f32>(-0.5), vec3<f32>(side - 0.5), ray.direction > vec3<f32>(0.0));
+    return Samples(origin, ray.step * ray.direction, blocks, side * per, (wall - origin) * per);
+}
+
+// Number of the next sample to look at where sample `k`, which lies at `at`, stands in an empty block, else -1.
+fn skip(along: Samples, at: vec3<f32>, k: f32) -> f32 {
+    let blocks = along.blocks;
+    let place = floor((at + 0.5) * (1.0 / f32(blocks.w)));
+    let block = clamp(place, vec3<f32>(0.0), vec3<f32>(blocks.xyz - 1u));
+    let cell = whole(block);
     if read_occupancy((cell.z * blocks.y + cell.y) * blocks.x + cell.x).y > 0.0 {
         return -1.0;
     }
-    let wall = select(block * side - 0.5, (block + 1.0) * side - 0.5, ray.direction > vec3<f32>(0.0));
-    let leave = (wall - ray.origin) / ray.direction;
-    let exit = min(min(leave.x, leave.y), leave.z);
+    let leave = block * along.wide + along.leave;
     // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
-    let beyond = floor((exit - ray.start) / ray.step - ray.place);
-    return max(beyond, k + 1.0);
+    let beyond = floor(smaller(smaller(leave.x, leave.y), leave.z));
+    return larger(beyond, k + 1.0);
 }
 
 // The ray from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
@@ -67,26 +84,29 @@ fn middle(ray: Ray, k: f32) -> f32 {
     return ray.start + ray.step * (k + ray.place);
 }
 
-// The column of density along the ray, in units of density times metres. `blocks` as in `skip`, of side 0 for none; what they
-// show empty adds nothing, so that one look at them does for two samples.
+// The column of density along the ray, in units of density times metres. What `blocks`, as in `Samples`, show empty adds
+// nothing, so that one look at them does for two samples.
 fn column(ray: Ray, blocks: vec4<u32>) -> f32 {
     let size = vec3<i32>(params.dims.xyz);
+    let way = samples(ray, blocks);
     var sum = 0.0;
     var k = 0.0;
     while k < ray.steps {
-        let t = middle(ray, k);
+        let at = way.origin + k * way.stride;
+        var onward = k + 2.0;
+        var empty = false;
         if blocks.w > 0u {
-            let next = skip(ray, t, k, blocks);
-            if next >= 0.0 {
-                k = next;
-                continue;
-            }
+            let next = skip(way, at, k);
+            empty = next >= 0.0;
+            onward = select(onward, next, empty);
         }
-        let here = sample_density(along(ray, t), size, 0);
-        let next = sample_density(along(ray, middle(ray, k + 1.0)), size, 0);
-        sum += here;
-        sum += select(0.0, next, k + 1.0 < ray.steps);
-        k += 2.0;
+        if !empty {
+            let here = sample_density(at, size, 0);
+            let next = sample_density(way.origin + (k + 1.0) * way.stride, size, 0);
+            sum += here;
+            sum += select(0.0, next, k + 1.0 < ray.steps);
+        }
+        k = onward;
     }
     return sum * ray.step;
 }

@@ -247,7 +247,7 @@ impl WgpuDevice {
                         Binding::read("source_weights", Some(weights)),
                         Binding::write("toward", Some(toward)),
                     ];
-                    let part = Part::of_sweep(Kind::Toward, bindings, held.then_some("toward"), (0..1, items));
+                    let part = Part::of_sweep(Kind::Toward, bindings, None, (0..1, items));
                     parts.push(Part { steps: Some(first..first + taken), ..part });
                 }
                 if held {
@@ -298,7 +298,7 @@ impl WgpuDevice {
     /// Planes of a direction that a workgroup may take one after the other, by how often its loops turn: once more than they
     /// have to, which is when they end.
     fn planes_at_once(&self, p: &SweepParams) -> u32 {
-        let items = u64::from(p.plane / 4 + p.cells[3]).div_ceil(ABREAST.into());
+        let items = u64::from(p.plane / 8 + p.cells[3] + 1).div_ceil(ABREAST.into());
         let turns = 1 + (items + 1) * (2 + u64::from(p.channels));
         let most = self.info.limits.loop_turns.map_or(u64::MAX, |turns| turns.saturating_sub(1).into()) / turns;
         most.try_into().unwrap_or(u32::MAX)

@@ -74,6 +74,13 @@ fn divide(a: u32, b: u32) -> vec2<u32> {
 }
 ";
 
+/// Whole numbers from 0 to 2²³ as integers. Conversions of the language ask for what is out of range.
+const WHOLE: &str = "\
+fn whole(a: vec3<f32>) -> vec3<u32> {
+    return bitcast<vec3<u32>>(a + 8388608.0) & vec3<u32>(0x7fffffu);
+}
+";
+
 /// The smaller and the larger of two numbers. Built-in functions know what is no number, for which software drivers take three
 /// instructions in place of one.
 fn ordered(compared: bool) -> String {
@@ -303,6 +310,7 @@ pub(crate) fn uniforms(params: &str, spread: bool) -> String {
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
         + if spread { SPREAD } else { NUMBER }
         + DIVIDE
+        + WHOLE
 }
 
 /// Where kernels copy their parameters to, if they do.

@@ -25,11 +25,10 @@ pub(crate) struct Texels {
     pub(crate) ahead: Cell<bool>,
 }
 
-/// The format of texels of so many words.
+/// The format of texels of so many words, one or four.
 pub(crate) fn format(words: u32) -> TextureFormat {
     match words {
         1 => TextureFormat::R32Uint,
-        2 => TextureFormat::Rg32Uint,
         _ => TextureFormat::Rgba32Uint,
     }
 }

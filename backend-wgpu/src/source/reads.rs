@@ -13,8 +13,10 @@ pub(crate) const TEXELS_ACROSS: u32 = 1 << 14;
 /// Words of a texel of the copy that an element is read from.
 pub(crate) fn words(element: KernelElement) -> u32 {
     match element {
-        KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) | KernelElement::Atomic => 1,
-        KernelElement::F32x2 => 2,
+        // Two words are texels of their own: those that nobody asks for are not read, and words are gathered.
+        KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) | KernelElement::Atomic | KernelElement::F32x2 => {
+            1
+        }
         KernelElement::Scalar(KernelScalar::F32x4 | KernelScalar::U32x4) | KernelElement::Struct(_) => 4,
     }
 }
@@ -61,11 +63,14 @@ pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
         KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),
         KernelElement::Scalar(KernelScalar::F32) => format!("    return bitcast<f32>({}.x);\n", load("i")),
         KernelElement::Scalar(KernelScalar::F32x4) => format!("    return bitcast<vec4<f32>>({});\n", load("i")),
-        KernelElement::F32x2 => format!("    return bitcast<vec2<f32>>({}.xy);\n", load("i")),
+        KernelElement::F32x2 => {
+            let (x, y) = (load("n"), load("(n + 1u)"));
+            format!("    let n = 2u * i;\n    return bitcast<vec2<f32>>(vec2<u32>({x}.x, {y}.x));\n")
+        }
         KernelElement::Atomic => format!("    return bitcast<i32>({}.x);\n", load("i")),
         KernelElement::Struct(of) => record(&fields(structs, of), of, load),
     };
-    let format = ["r32uint", "rg32uint", "rgba32uint"][words(shape.element).ilog2() as usize];
+    let format = if words(shape.element) == 1 { "r32uint" } else { "rgba32uint" };
     format!(
         "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
          {{\n{body}}}\nfn length_{name}() -> u32 {{\n    return textureDimensions({name}).x;\n}}\n"

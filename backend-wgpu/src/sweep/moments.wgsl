@@ -23,20 +23,34 @@ fn sweep_moments(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation
         var e = before(first, k.w, c, cell);
         let weight = (first * params.coefficients + k) * params.weight_channels + min(c, params.weight_channels - 1u);
         let light = min(c, params.channels - 1u) * count + cell;
-        for (var n = 0u; n < taken; n++) {
-            let at = weight + n * params.coefficients * params.weight_channels;
-            let i = light + n * params.channels * count;
-            let radiance = vec4<f32>(read_radiance(i.x), read_radiance(i.y), read_radiance(i.z), read_radiance(i.w));
-            a += read_weights(at.x) * radiance;
-            b += read_weights(at.y) * radiance;
-            d += read_weights(at.z) * radiance;
-            e += read_weights(at.w) * radiance;
+        let to_next = params.coefficients * params.weight_channels;
+        // Two directions a turn, whose lookups do not wait for each other.
+        for (var n = 0u; n < taken; n += 2u) {
+            let last = min(n + 1u, taken - 1u);
+            let near = four_radiance(light + n * params.channels * count);
+            let far = select(vec4<f32>(0.0), four_radiance(light + last * params.channels * count), n + 1u < taken);
+            let at = weight + n * to_next;
+            let next = weight + last * to_next;
+            a = a + read_weights(at.x) * near + read_weights(next.x) * far;
+            b = b + read_weights(at.y) * near + read_weights(next.y) * far;
+            d = d + read_weights(at.z) * near + read_weights(next.z) * far;
+            e = e + read_weights(at.w) * near + read_weights(next.w) * far;
         }
         keep(k.x, c, cell, a);
-        keep(k.y, c, cell, b);
-        keep(k.z, c, cell, d);
-        keep(k.w, c, cell, e);
+        if 4u * at.x + 1u < params.coefficients {
+            keep(k.y, c, cell, b);
+        }
+        if 4u * at.x + 2u < params.coefficients {
+            keep(k.z, c, cell, d);
+        }
+        if 4u * at.x + 3u < params.coefficients {
+            keep(k.w, c, cell, e);
+        }
     }
+}
+
+fn four_radiance(i: vec4<u32>) -> vec4<f32> {
+    return vec4<f32>(read_radiance(i.x), read_radiance(i.y), read_radiance(i.z), read_radiance(i.w));
 }
 
 // Where coefficient `k` of four cells stands.

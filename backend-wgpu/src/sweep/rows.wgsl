@@ -1,5 +1,5 @@
-// The planes of `sweep` by rows of four cells, which share what they load of the plane upwind. One workgroup a direction; one
-// invocation four cells of a plane at a time, counted the way that the direction leads.
+// The planes of `sweep` by two rows of four cells, which share what they load of the plane upwind. One workgroup a direction; one
+// invocation eight cells of a plane at a time, counted the way that the direction leads.
 
 // The four cells of the plane upwind around the ray of each of four cells: what they weigh, and which stand behind surfaces.
 struct Around {
@@ -9,13 +9,25 @@ struct Around {
     bits: vec4<u32>,
 }
 
-// Where four cells are, and the five of each of two rows upwind of them.
+// Where five cells of a row upwind are, and which of them are cells.
 struct Places {
-    own: vec4<u32>,
-    near: vec4<u32>,
-    near_end: u32,
-    far: vec4<u32>,
-    far_end: u32,
+    four: vec4<u32>,
+    end: u32,
+    here: vec4<bool>,
+    here_end: bool,
+}
+
+// What they hold.
+struct Row {
+    four: vec4<f32>,
+    end: f32,
+}
+
+// The rays of four cells: their optical depths, and what those leave of light from upwind and of what shines along them.
+struct Rays {
+    tau: vec4<f32>,
+    passes: vec4<f32>,
+    shines: vec4<f32>,
 }
 
 @compute @workgroup_size(UNITS)
@@ -25,11 +37,12 @@ fn sweep_rows(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     let first = launch.first / steps * params.batch;
     let cells = params.cells.xyz;
     let fours = (cells + 3u) / 4u;
-    let items = max(max(fours.x * cells.y, fours.x * cells.z), fours.y * cells.z);
+    let twos = (cells + 1u) / 2u;
+    let items = max(max(fours.x * twos.y, fours.x * twos.z), fours.y * twos.z);
     for (var step = launch.first; step < launch.past; step++) {
         if n < launch.count {
-            for (var item = lane; item < items; item += UNITS) {
-                advance(n, first, step % steps, item);
+            for (var item = 0u; item < items; item += UNITS) {
+                advance(n, first, step % steps, item + lane);
             }
         }
         // Each plane sees the one before it.
@@ -37,7 +50,7 @@ fn sweep_rows(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     }
 }
 
-// Radiance of four cells of the plane that a step finishes, of direction `n` of the batch that begins with `first`.
+// Radiance of eight cells of the plane that a step finishes, of direction `n` of the batch that begins with `first`.
 fn advance(n: u32, first: u32, step: u32, item: u32) {
     let way = read_directions(first + n);
     // Along the axis, along rows and across them: cells, and how far apart neighbours lie.
@@ -46,7 +59,7 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
     let cells = params.cells;
     let size = vec3<u32>(select(select(cells.y, cells.z, z), cells.x, x), select(cells.x, cells.y, x), select(cells.z, cells.y, z));
     let fours = (size.y + 3u) / 4u;
-    if step >= size.x || item >= fours * size.z {
+    if step >= size.x || item >= fours * ((size.z + 1u) / 2u) {
         return;
     }
     let slice = cells.x * cells.y;
@@ -55,110 +68,114 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
     let falls = (down & vec3<u32>(1u)) == vec3<u32>(1u);
     let hop = select(pitch, -pitch, falls);
     let within = divide(item, fours);
-    let begin = 4u * within.y;
-    let place = vec3<u32>(
-        select(size.x - 1u - step, step, falls.x), select(begin, size.y - 1u - begin, falls.y), within.x,
-    );
-    let cell = i32(place.x) * pitch.x + i32(place.y) * pitch.y + i32(place.z) * pitch.z;
+    // Along the axis the plane before lies the other way.
+    let begin = vec3<u32>(size.x - 1u - step, 4u * within.y, 2u * within.x);
+    let place = vec3<i32>(select(begin, size - 1u - begin, falls));
+    let cell = place.x * pitch.x + place.y * pitch.y + place.z * pitch.z;
     // Beyond the end of its row a cell's place is that of the last one, beyond the last row that of this one, and beyond the
     // box this plane's.
-    let left = i32(size.y - begin);
+    let left = i32(size.y - begin.y);
     let on = min(vec4<i32>(0, 1, 2, 3), vec4<i32>(left - 1)) * hop.y;
     let end = min(4, left - 1) * hop.y;
     let enters = step == 0u;
-    let across = select(place.z + 1u < size.z, place.z > 0u, falls.z);
-    let near = cell + select(hop.x, 0, enters);
-    let far = near + select(0, hop.z, across);
-    let places = Places(
-        vec4<u32>(cell + on), vec4<u32>(near + on), u32(near + end), vec4<u32>(far + on), u32(far + end),
-    );
+    let two = begin.z + 1u < size.z;
+    let three = begin.z + 2u < size.z;
+    let up = cell + select(hop.x, 0, enters);
+    let beyond = select(0, hop.z, two);
+    let last = beyond + select(0, hop.z, three);
+    let own = vec4<u32>(cell + on);
+    let beside = vec4<u32>(cell + beyond + on);
     // Which of them are cells.
     let here = vec4<bool>(!enters, !enters && left > 1, !enters && left > 2, !enters && left > 3);
     let here_end = !enters && left > 4;
-    let there = here & vec4<bool>(across);
-    let there_end = here_end && across;
-    let second = vec4<f32>(1.0 - way.second, 1.0 - way.second, way.second, way.second);
-    var around = Around(vec4<f32>(1.0 - way.first, way.first, 1.0 - way.first, way.first) * second, vec4<u32>(0u), vec4<u32>(0u));
+    let a = Places(vec4<u32>(up + on), u32(up + end), here, here_end);
+    let b = Places(vec4<u32>(up + beyond + on), u32(up + beyond + end), here & vec4<bool>(two), here_end && two);
+    let c = Places(vec4<u32>(up + last + on), u32(up + last + end), here & vec4<bool>(three), here_end && three);
+    let across = vec4<f32>(1.0 - way.second, 1.0 - way.second, way.second, way.second);
+    let weights = vec4<f32>(1.0 - way.first, way.first, 1.0 - way.first, way.first) * across;
+    var around = Around(weights, vec4<u32>(0u), vec4<u32>(0u));
+    var around_beside = around;
     if has_obstructed {
         let turn = vec3<i32>(select(select(3, 9, z), 1, x), select(1, 3, x), select(9, 3, z));
         let on = select(turn, -turn, falls);
-        around.bits = vec4<u32>(13 + on.x + vec4<i32>(0, on.y, on.z, on.y + on.z));
-        let own = places.own;
-        around.words = vec4<u32>(read_obstructed(own.x), read_obstructed(own.y), read_obstructed(own.z), read_obstructed(own.w));
+        let bits = vec4<u32>(13 + on.x + vec4<i32>(0, on.y, on.z, on.y + on.z));
+        around = Around(weights, four_obstructed(own), bits);
+        around_beside = Around(weights, four_obstructed(beside), bits);
     }
     let count = slice * cells.z;
-    var tau = vec4<f32>(0.0);
-    var passes = vec4<f32>(0.0);
-    var shines = vec4<f32>(0.0);
+    let half = 0.5 * way.length;
+    let none = vec4<f32>(0.0);
+    var rays = Rays(none, none, none);
+    var rays_beside = rays;
     for (var channel = 0u; channel < params.channels; channel++) {
         if channel == 0u || params.grey == 0u {
-            let own = four_optics(channel * count, places.own);
-            let near = select(vec4<f32>(0.0), four_optics(channel * count, places.near), here);
-            let near_end = select(0.0, read_optics(channel * count + places.near_end), here_end);
-            let far = select(vec4<f32>(0.0), four_optics(channel * count, places.far), there);
-            let far_end = select(0.0, read_optics(channel * count + places.far_end), there_end);
-            tau = (own + between(around, near, near_end, far, far_end, own)) * (0.5 * way.length);
-            let a = segment(tau.x);
-            let b = segment(tau.y);
-            let c = segment(tau.z);
-            let d = segment(tau.w);
-            passes = vec4<f32>(a.x, b.x, c.x, d.x);
-            shines = vec4<f32>(a.y, b.y, c.y, d.y);
+            let base = channel * count;
+            let middle = row_optics(base, b);
+            let of_own = four_optics(base, own);
+            let of_beside = four_optics(base, beside);
+            rays = along((of_own + between(around, row_optics(base, a), middle, of_own)) * half);
+            rays_beside = along((of_beside + between(around_beside, middle, row_optics(base, c), of_beside)) * half);
         }
         let base = (n * params.channels + channel) * count;
-        let near = select(vec4<f32>(params.boundary), four_radiance(base, places.near), here);
-        let near_end = select(params.boundary, read_radiance(base + places.near_end), here_end);
-        let far = select(vec4<f32>(params.boundary), four_radiance(base, places.far), there);
-        let far_end = select(params.boundary, read_radiance(base + places.far_end), there_end);
-        var light = passes * between(around, near, near_end, far, far_end, vec4<f32>(0.0));
+        let middle = row_radiance(base, b);
+        var light = rays.passes * between(around, row_radiance(base, a), middle, none);
+        var light_beside = rays_beside.passes * between(around_beside, middle, row_radiance(base, c), none);
         if has_toward {
-            let own = four_toward(base, places.own);
-            let upwind = between(
-                around,
-                four_toward(base, places.near), read_toward(base + places.near_end),
-                four_toward(base, places.far), read_toward(base + places.far_end),
-                own,
-            );
-            light += own * (tau * shines) + (select(upwind, own, vec4<bool>(enters)) - own) * leaning(tau, passes, shines);
+            let middle = row_toward(base, b);
+            let of_own = four_toward(base, own);
+            let of_beside = four_toward(base, beside);
+            let upwind = between(around, row_toward(base, a), middle, of_own);
+            let upwind_beside = between(around_beside, middle, row_toward(base, c), of_beside);
+            light += scattered(rays, of_own, select(upwind, of_own, vec4<bool>(enters)));
+            light_beside += scattered(rays_beside, of_beside, select(upwind_beside, of_beside, vec4<bool>(enters)));
         }
         if params.emits == 1u {
             let plane = (6u + channel) * count;
-            let own = four_optics(plane, places.own);
-            let near = select(vec4<f32>(0.0), four_optics(plane, places.near), here);
-            let near_end = select(0.0, read_optics(plane + places.near_end), here_end);
-            let far = select(vec4<f32>(0.0), four_optics(plane, places.far), there);
-            let far_end = select(0.0, read_optics(plane + places.far_end), there_end);
-            light += shines * (0.5 * way.length) * (own + between(around, near, near_end, far, far_end, own));
+            let middle = row_optics(plane, b);
+            let of_own = four_optics(plane, own);
+            let of_beside = four_optics(plane, beside);
+            light += rays.shines * half * (of_own + between(around, row_optics(plane, a), middle, of_own));
+            light_beside += rays_beside.shines * half * (of_beside + between(around_beside, middle, row_optics(plane, c), of_beside));
         }
         // Beyond the end of the row this is the last cell's again.
-        write_radiance(base + places.own.x, light.x);
-        if left > 1 {
-            write_radiance(base + places.own.y, light.y);
-        }
-        if left > 2 {
-            write_radiance(base + places.own.z, light.z);
-        }
-        if left > 3 {
-            write_radiance(base + places.own.w, light.w);
-        }
+        keep(base, own, light, left);
+        keep(base, beside, light_beside, select(0, left, two));
     }
 }
 
 // What stands where the rays of four cells meet the plane upwind: of two rows of five cells there, or a cell's own where one is
 // behind a surface.
-fn between(around: Around, near: vec4<f32>, near_end: f32, far: vec4<f32>, far_end: f32, own: vec4<f32>) -> vec4<f32> {
+fn between(around: Around, near: Row, far: Row, own: vec4<f32>) -> vec4<f32> {
     let stands = vec4<u32>(1u);
     let w = around.weights;
-    return w.x * select(near, own, (around.words >> around.bits.xxxx & stands) == stands)
-        + w.y * select(vec4<f32>(near.yzw, near_end), own, (around.words >> around.bits.yyyy & stands) == stands)
-        + w.z * select(far, own, (around.words >> around.bits.zzzz & stands) == stands)
-        + w.w * select(vec4<f32>(far.yzw, far_end), own, (around.words >> around.bits.wwww & stands) == stands);
+    return w.x * select(near.four, own, (around.words >> around.bits.xxxx & stands) == stands)
+        + w.y * select(vec4<f32>(near.four.yzw, near.end), own, (around.words >> around.bits.yyyy & stands) == stands)
+        + w.z * select(far.four, own, (around.words >> around.bits.zzzz & stands) == stands)
+        + w.w * select(vec4<f32>(far.four.yzw, far.end), own, (around.words >> around.bits.wwww & stands) == stands);
+}
+
+// Rays of these optical depths.
+fn along(tau: vec4<f32>) -> Rays {
+    let a = segment(tau.x);
+    let b = segment(tau.y);
+    let c = segment(tau.z);
+    let d = segment(tau.w);
+    return Rays(tau, vec4<f32>(a.x, b.x, c.x, d.x), vec4<f32>(a.y, b.y, c.y, d.y));
+}
+
+// What four cells scatter along their rays, where it goes over into theirs from that upwind.
+fn scattered(rays: Rays, own: vec4<f32>, upwind: vec4<f32>) -> vec4<f32> {
+    return own * (rays.tau * rays.shines) + (upwind - own) * leaning(rays.tau, rays.passes, rays.shines);
 }
 
 // As `leaning` of kernels/sweep.wgsl, of four.
 fn leaning(tau: vec4<f32>, passes: vec4<f32>, shines: vec4<f32>) -> vec4<f32> {
     let series = (((tau * (-1.0 / 30.0) + 1.0 / 8.0) * tau - 1.0 / 3.0) * tau + 0.5) * tau;
     return select(shines - passes, series, tau < vec4<f32>(0.05));
+}
+
+fn four_obstructed(at: vec4<u32>) -> vec4<u32> {
+    return vec4<u32>(read_obstructed(at.x), read_obstructed(at.y), read_obstructed(at.z), read_obstructed(at.w));
 }
 
 fn four_optics(base: u32, at: vec4<u32>) -> vec4<f32> {
@@ -175,4 +192,36 @@ fn four_radiance(base: u32, at: vec4<u32>) -> vec4<f32> {
 fn four_toward(base: u32, at: vec4<u32>) -> vec4<f32> {
     let i = base + at;
     return vec4<f32>(read_toward(i.x), read_toward(i.y), read_toward(i.z), read_toward(i.w));
+}
+
+// Nothing where there is no cell.
+fn row_optics(base: u32, at: Places) -> Row {
+    let four = select(vec4<f32>(0.0), four_optics(base, at.four), at.here);
+    return Row(four, select(0.0, read_optics(base + at.end), at.here_end));
+}
+
+fn row_radiance(base: u32, at: Places) -> Row {
+    let four = select(vec4<f32>(params.boundary), four_radiance(base, at.four), at.here);
+    return Row(four, select(params.boundary, read_radiance(base + at.end), at.here_end));
+}
+
+fn row_toward(base: u32, at: Places) -> Row {
+    return Row(four_toward(base, at.four), read_toward(base + at.end));
+}
+
+// Writes as many of four cells as there are.
+fn keep(base: u32, at: vec4<u32>, light: vec4<f32>, count: i32) {
+    let i = base + at;
+    if count > 0 {
+        write_radiance(i.x, light.x);
+    }
+    if count > 1 {
+        write_radiance(i.y, light.y);
+    }
+    if count > 2 {
+        write_radiance(i.z, light.z);
+    }
+    if count > 3 {
+        write_radiance(i.w, light.w);
+    }
 }

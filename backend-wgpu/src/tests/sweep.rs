@@ -95,7 +95,7 @@ fn light_kept_in_textures_is_that_kept_in_memory() {
     assert!(expected.iter().flatten().all(|value| *value >= 0.0));
     let turns = device.info.limits.loop_turns;
     // Whole, in pieces of the work axis, in as few planes at a time as loops may turn, and in memory where not one may.
-    for (pieces, turns) in [(1, turns), (4, turns), (1, Some(40)), (1, Some(20))] {
+    for (pieces, turns) in [(1, turns), (4, turns), (1, Some(40)), (1, Some(16))] {
         device.info.limits.loop_turns = turns;
         holds(&run(&mut device, true, pieces), &expected, &format!("{pieces} pieces, {turns:?}"));
     }
