@@ -254,7 +254,7 @@ void walk(const Bound *bound, Path *path) {
     F3 transmittance = path->transmittance;
     F stopped = path->stopped;
     F stopped_in = path->stopped_in;
-    Samples places = samples(&ray);
+    Samples way = samples(&ray, grid);
     while (k < last) {
         F brightest = transmittance.x;
         if (!grey) {
@@ -267,22 +267,21 @@ void walk(const Bound *bound, Path *path) {
         if (!any_lane(active)) {
             break;
         }
-        F t = middle(&ray, k);
         if (has_occupancy && k >= ask) {
-            Ahead ahead = skip(bound, &ray, t, k, grid, active);
+            Ahead ahead = skip(bound, &way, k, active);
             if (ahead.empty) {
                 k = ahead.until;
                 continue;
             }
             ask = ahead.until;
         }
-        F3 at = sampled(&places, k);
+        F3 at = sampled(&way, k);
         Optics here = optics(bound, at, size, within);
         F3 sent = here.emission;
         M dense = open & (greater(greater(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0f);
         if (lit && any_lane(dense)) {
             F3 light = add3(add3(gathered(bound, at, basis, dense), scattered_light(bound, at, basis, dense)),
-                            direct(bound, at, direction, t, dense));
+                            direct(bound, at, direction, middle(&ray, k), dense));
             sent = plain ? mul3(light, all3(albedo)) : add3(mul3(here.scattering, light), here.emission);
         }
         F share;

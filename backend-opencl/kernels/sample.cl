@@ -12,22 +12,23 @@ typedef struct {
     F start;
     // Length of a step, metres; zero where there is none.
     F step;
-    // Steps per metre; infinite where there is none.
-    F per_metre;
     // Number of steps.
     F steps;
     // Where a step is sampled, as a part of it.
     F place;
 } Ray;
 
-// Where a packet of rays is sampled.
+// Where a packet of rays is sampled, and its way through the blocks of an occupancy: what does not change along it.
 typedef struct {
-    F3 first;
+    // Where the first sample lies, and from there to the next one, in index space.
+    F3 origin;
     F3 stride;
+    // Blocks along x, y, z and their side in voxels; side 0 for none.
+    uint4 blocks;
+    // The first sample beyond what block n along an axis shows is n `wide` behind `leave`.
+    F3 wide;
+    F3 leave;
 } Samples;
-
-INLINE F3 along(const Ray *ray, F t);
-INLINE F middle(const Ray *ray, float k);
 
 // What lies before a packet of rays.
 typedef struct {
@@ -36,29 +37,26 @@ typedef struct {
     float until;
 } Ahead;
 
-// Where each lane that is active stands in an empty block: the number of the next sample that any of them must look at, the
-// first beyond what is known to be empty. Else until when one of them stands in a block that is not empty. Samples lie at t0 + (k +
-// place) steps. `blocks`: blocks along x, y, z and their side in voxels.
-INLINE Ahead skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks, M active) {
-    float side = convert_float(blocks.w);
-    float per_voxel = 1.0f / side;
+// Where sample `k` lies.
+INLINE F3 sampled(const Samples *way, float k) {
+    return add3(way->origin, scale3(way->stride, (F)(k)));
+}
+
+// Where each lane that is active stands in an empty block at sample `k`: the number of the next sample that any of them must look
+// at, the first beyond what is known to be empty. Else until when one of them stands in a block that is not empty.
+INLINE Ahead skip(const Bound *bound, const Samples *way, float k, M active) {
+    uint4 blocks = way->blocks;
+    float per_voxel = 1.0f / convert_float(blocks.w);
     F3 last = all3(convert_float3(blocks.xyz - 1u));
-    F3 at = add3(ray->origin, scale3(ray->direction, t));
+    F3 at = sampled(way, k);
     F zero = (F)(0.0f);
     // What is rounded toward zero in place of down is below zero, and so in the first block.
     I x = to_int(lesser(greater((at.x + 0.5f) * per_voxel, zero), last.x));
     I y = to_int(lesser(greater((at.y + 0.5f) * per_voxel, zero), last.y));
     I z = to_int(lesser(greater((at.z + 0.5f) * per_voxel, zero), last.z));
     I cell = (z * (int)blocks.y + y) * (int)blocks.x + x;
-    F3 way = ray->direction;
-    F before = (F)(-0.5f - REDUCE_BEYOND);
-    F behind = (F)(side - 0.5f + REDUCE_BEYOND);
-    F3 wall = f3(to_float(x) * side + (way.x > zero ? behind : before), to_float(y) * side + (way.y > zero ? behind : before),
-                 to_float(z) * side + (way.z > zero ? behind : before));
-    F3 leave = sub3(wall, ray->origin);
-    F3 out = mul3(leave, ray->inverse);
-    F exit = lesser(lesser(out.x, out.y), out.z);
-    F beyond = floored((exit - ray->start) * ray->per_metre - ray->place + 1.0f);
+    F3 leave = add3(mul3(f3(to_float(x), to_float(y), to_float(z)), way->wide), way->leave);
+    F beyond = floored(lesser(lesser(leave.x, leave.y), leave.z));
     // Means and maxima, in turn.
     M dense = active & (fetch((__global const float *)bound->occupancy, 2 * cell + 1) > zero);
     Ahead ahead;
@@ -66,11 +64,6 @@ INLINE Ahead skip(const Bound *bound, const Ray *ray, F t, float k, uint4 blocks
     float edge = ahead.empty ? smallest_lane(active ? beyond : (F)(INFINITY)) : largest_lane(dense ? beyond : zero);
     ahead.until = fmax(edge, k + 1.0f);
     return ahead;
-}
-
-// Where step `k` is sampled.
-INLINE F3 sampled(const Samples *at, float k) {
-    return add3(at->first, scale3(at->stride, (F)(k)));
 }
 
 // The rays from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
@@ -94,7 +87,6 @@ Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
     ray.start = near;
     ray.steps = ceil(extent / longest);
     ray.step = ray.steps > zero ? extent / greater(ray.steps, (F)(1.0f)) : zero;
-    ray.per_metre = 1.0f / ray.step;
     ray.place = (F)(0.5f);
     return ray;
 }
@@ -102,17 +94,8 @@ Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
 // The same part of the rays in `count` steps.
 Ray in_steps(Ray ray, float count) {
     ray.step = ray.step * ray.steps / count;
-    ray.per_metre = 1.0f / ray.step;
     ray.steps = ray.steps > (F)(0.0f) ? (F)(count) : (F)(0.0f);
     return ray;
-}
-
-// Where the first step is sampled, and from there to where each next one is, in index space.
-INLINE Samples samples(const Ray *ray) {
-    Samples at;
-    at.first = along(ray, middle(ray, 0.0f));
-    at.stride = scale3(ray->direction, ray->step);
-    return at;
 }
 
 // The points `t` metres along.
@@ -125,27 +108,47 @@ INLINE F middle(const Ray *ray, float k) {
     return ray->start + ray->step * (k + ray->place);
 }
 
-// The column of density along each ray whose lane is active, in units of density times metres. `blocks` as in `skip`, of
-// side 0 for none.
+// Where the rays are sampled. `blocks` as in `Samples`.
+INLINE Samples samples(const Ray *ray, uint4 blocks) {
+    Samples way;
+    way.origin = along(ray, middle(ray, 0.0f));
+    way.stride = scale3(ray->direction, ray->step);
+    way.blocks = blocks;
+    way.wide = way.leave = all3((float3)(0.0f));
+    if (blocks.w > 0u) {
+        F side = (F)(convert_float(blocks.w));
+        F before = (F)(-0.5f - REDUCE_BEYOND);
+        F behind = side - 0.5f + REDUCE_BEYOND;
+        F zero = (F)(0.0f);
+        F3 d = ray->direction;
+        F3 wall = f3(d.x > zero ? behind : before, d.y > zero ? behind : before, d.z > zero ? behind : before);
+        F3 per = scale3(ray->inverse, 1.0f / ray->step);
+        way.wide = scale3(per, side);
+        way.leave = add3(mul3(sub3(wall, way.origin), per), all3((float3)(1.0f)));
+    }
+    return way;
+}
+
+// The column of density along each ray whose lane is active, in units of density times metres. `blocks` as in `Samples`.
 F column(const Bound *bound, const Ray *ray, uint4 blocks, M lanes) {
     int3 size = convert_int3(bound->params->dims.xyz);
     F steps = lanes ? ray->steps : (F)(0.0f);
     float last = largest_lane(steps);
-    Samples places = samples(ray);
+    Samples way = samples(ray, blocks);
     F sum = (F)(0.0f);
     float k = 0.0f;
     float ask = 0.0f;
     while (k < last) {
         M active = k < steps;
         if (blocks.w > 0u && k >= ask) {
-            Ahead ahead = skip(bound, ray, middle(ray, k), k, blocks, active);
+            Ahead ahead = skip(bound, &way, k, active);
             if (ahead.empty) {
                 k = ahead.until;
                 continue;
             }
             ask = ahead.until;
         }
-        F density = sample_density(bound, sampled(&places, k), size, 0);
+        F density = sample_density(bound, sampled(&way, k), size, 0);
         sum += active ? density : (F)(0.0f);
         k += 1.0f;
     }

@@ -18,9 +18,9 @@ struct Path {
     ray: Ray,
     radiance: vec3<f32>,
     transmittance: vec3<f32>,
-    // Light stopped so far, and the same weighed with its distance.
+    // Light stopped so far, and the same weighed with the number of its step.
     stopped: f32,
-    stopped_at: f32,
+    stopped_in: f32,
 }
 
 @compute @workgroup_size(BLOCK, BLOCK)
@@ -93,7 +93,7 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         color += path.radiance + path.transmittance * behind;
         transmitted += path.transmittance;
         stopped += path.stopped;
-        stopped_at += path.stopped_at;
+        stopped_at += path.stopped * middle(path.ray, 0.0) + path.stopped_in * path.ray.step;
     }
     if params.sample_end < params.samples {
         film[2u * pixel] = vec4<f32>(color, stopped);
@@ -163,13 +163,13 @@ fn resume(path: ptr<function, Path>, pixel: u32) {
     (*path).radiance = light.xyz;
     (*path).stopped = light.w;
     (*path).transmittance = through.xyz;
-    (*path).stopped_at = through.w;
+    (*path).stopped_in = through.w;
 }
 
 // Leaves the path to the next pass.
 fn keep(path: Path, pixel: u32) {
     paths[2u * pixel] = vec4<f32>(path.radiance, path.stopped);
-    paths[2u * pixel + 1u] = vec4<f32>(path.transmittance, path.stopped_at);
+    paths[2u * pixel + 1u] = vec4<f32>(path.transmittance, path.stopped_in);
 }
 
 // The steps of this pass.
@@ -189,10 +189,10 @@ fn walk(path: ptr<function, Path>) {
     var radiance = (*path).radiance;
     var transmittance = (*path).transmittance;
     var stopped = (*path).stopped;
-    var stopped_at = (*path).stopped_at;
+    var stopped_in = (*path).stopped_in;
     // One condition, and no other way out: software drivers keep a mask for each.
     while (k < last) & !(max(max(transmittance.x, transmittance.y), transmittance.z) < params.cut) {
-        let at = way.origin + k * way.stride;
+        let at = sampled(way, k);
         if has_occupancy {
             let next = skip(way, at, k);
             if next >= 0.0 {
@@ -200,11 +200,10 @@ fn walk(path: ptr<function, Path>) {
                 continue;
             }
         }
-        let t = middle(ray, k);
         let here = optics(at, size);
         var light = vec3<f32>(0.0);
         if scatters && max(max(here.scattering.x, here.scattering.y), here.scattering.z) > 0.0 {
-            light = gathered(at, &basis) + scattered_light(at, &basis) + direct(at, direction, t);
+            light = gathered(at, &basis) + scattered_light(at, &basis) + direct(at, direction, middle(ray, k));
         }
         let tau = here.extinction * ray.step;
         let red = segment(tau.x);
@@ -221,13 +220,13 @@ fn walk(path: ptr<function, Path>) {
         radiance += transmittance * ray.step * pieces * sent;
         transmittance *= vec3<f32>(red.x, green.x, blue.x);
         stopped += share;
-        stopped_at += share * t;
+        stopped_in += share * k;
         k += 1.0;
     }
     (*path).radiance = radiance;
     (*path).transmittance = transmittance;
     (*path).stopped = stopped;
-    (*path).stopped_at = stopped_at;
+    (*path).stopped_in = stopped_in;
 }
 
 // Blocks of the occupancy along x, y, z and their side; side 0 where there is none.

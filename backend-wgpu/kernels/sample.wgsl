@@ -6,6 +6,8 @@ struct Ray {
     origin: vec3<f32>,
     // Direction in voxels per metre.
     direction: vec3<f32>,
+    // Metres per voxel, of its sign.
+    inverse: vec3<f32>,
     // Metres along the ray where the first step begins.
     start: f32,
     // Length of a step, metres; zero where there is none.
@@ -16,37 +18,35 @@ struct Ray {
     place: f32,
 }
 
-// A ray's samples, of which sample k lies at origin + k strides, and its way through the blocks of an occupancy.
+// Where a ray is sampled, and its way through the blocks of an occupancy: what does not change along it, of which drivers take
+// nothing out of loops.
 struct Samples {
+    // Where the first sample lies, and from there to the next one, in index space.
     origin: vec3<f32>,
     stride: vec3<f32>,
     // Blocks along x, y, z and their side in voxels; side 0 for none.
     blocks: vec4<u32>,
-    // The ray leaves block n along an axis n wides after `leave`, in samples.
+    // The first sample beyond what block n along an axis shows is n `wide` behind `leave`.
     wide: vec3<f32>,
     leave: vec3<f32>,
 }
 
-// What does not change along the ray, of which drivers take nothing out of loops.
-fn samples(ray: Ray, blocks: vec4<u32>) -> Samples {
-    let side = f32(blocks.w);
-    let per = 1.0 / (ray.step * ray.direction);
-    let origin = ray.origin + (ray.start + ray.step * ray.place) * ray.direction;
-    let wall = select(vec3<f32>(-0.5), vec3<f32>(side - 0.5), ray.direction > vec3<f32>(0.0));
-    return Samples(origin, ray.step * ray.direction, blocks, side * per, (wall - origin) * per);
+// Where sample `k` lies.
+fn sampled(way: Samples, k: f32) -> vec3<f32> {
+    return way.origin + k * way.stride;
 }
 
-// Number of the next sample to look at where sample `k`, which lies at `at`, stands in an empty block, else -1.
-fn skip(along: Samples, at: vec3<f32>, k: f32) -> f32 {
-    let blocks = along.blocks;
+// Number of the next sample to look at where sample `k`, which lies at `at`, stands in an empty block: the first beyond what is
+// known to be empty. Else -1.
+fn skip(way: Samples, at: vec3<f32>, k: f32) -> f32 {
+    let blocks = way.blocks;
     let place = floor((at + 0.5) * (1.0 / f32(blocks.w)));
     let block = clamp(place, vec3<f32>(0.0), vec3<f32>(blocks.xyz - 1u));
     let cell = whole(block);
     if read_occupancy((cell.z * blocks.y + cell.y) * blocks.x + cell.x).y > 0.0 {
         return -1.0;
     }
-    let leave = block * along.wide + along.leave;
-    // The sample before the wall is looked at again, so that rounding cannot pass over one behind it.
+    let leave = block * way.wide + way.leave;
     let beyond = floor(smaller(smaller(leave.x, leave.y), leave.z));
     return larger(beyond, k + 1.0);
 }
@@ -54,10 +54,11 @@ fn skip(along: Samples, at: vec3<f32>, k: f32) -> f32 {
 // The ray from `origin` clipped to the box of `size` voxels and to [0, limit] metres, in ceil(length / longest) equal
 // steps.
 fn through(origin: vec3<f32>, direction: vec3<f32>, size: vec3<f32>, limit: f32, longest: f32) -> Ray {
-    // A ray along a wall: far enough from parallel that the quotients below are numbers.
+    // A ray along a wall: far enough from parallel that what is below are numbers.
     let d = select(direction, vec3<f32>(1e-20), abs(direction) < vec3<f32>(1e-20));
-    let lower = (vec3<f32>(-0.5) - origin) / d;
-    let upper = (size - 0.5 - origin) / d;
+    let inverse = 1.0 / d;
+    let lower = (vec3<f32>(-0.5) - origin) * inverse;
+    let upper = (size - 0.5 - origin) * inverse;
     let first = min(lower, upper);
     let last = max(lower, upper);
     let near = max(max(first.x, first.y), max(first.z, 0.0));
@@ -65,13 +66,13 @@ fn through(origin: vec3<f32>, direction: vec3<f32>, size: vec3<f32>, limit: f32,
     let length = max(far - near, 0.0);
     let steps = ceil(length / longest);
     let step = select(0.0, length / max(steps, 1.0), steps > 0.0);
-    return Ray(origin, d, near, step, steps, 0.5);
+    return Ray(origin, d, inverse, near, step, steps, 0.5);
 }
 
 // The same part of the ray in `count` steps.
 fn in_steps(ray: Ray, count: f32) -> Ray {
     let steps = select(0.0, count, ray.steps > 0.0);
-    return Ray(ray.origin, ray.direction, ray.start, ray.step * ray.steps / count, steps, ray.place);
+    return Ray(ray.origin, ray.direction, ray.inverse, ray.start, ray.step * ray.steps / count, steps, ray.place);
 }
 
 // The point `t` metres along.
@@ -84,6 +85,16 @@ fn middle(ray: Ray, k: f32) -> f32 {
     return ray.start + ray.step * (k + ray.place);
 }
 
+// Where the ray is sampled. `blocks` as in `Samples`.
+fn samples(ray: Ray, blocks: vec4<u32>) -> Samples {
+    let side = f32(blocks.w);
+    let per = ray.inverse * (1.0 / ray.step);
+    let origin = along(ray, middle(ray, 0.0));
+    let before = vec3<f32>(-0.5 - REDUCE_BEYOND);
+    let wall = select(before, vec3<f32>(side - 0.5 + REDUCE_BEYOND), ray.direction > vec3<f32>(0.0));
+    return Samples(origin, ray.step * ray.direction, blocks, side * per, (wall - origin) * per + 1.0);
+}
+
 // The column of density along the ray, in units of density times metres. What `blocks`, as in `Samples`, show empty adds
 // nothing, so that one look at them does for two samples.
 fn column(ray: Ray, blocks: vec4<u32>) -> f32 {
@@ -92,7 +103,7 @@ fn column(ray: Ray, blocks: vec4<u32>) -> f32 {
     var sum = 0.0;
     var k = 0.0;
     while k < ray.steps {
-        let at = way.origin + k * way.stride;
+        let at = sampled(way, k);
         var onward = k + 2.0;
         var empty = false;
         if blocks.w > 0u {
@@ -102,7 +113,7 @@ fn column(ray: Ray, blocks: vec4<u32>) -> f32 {
         }
         if !empty {
             let here = sample_density(at, size, 0);
-            let next = sample_density(way.origin + (k + 1.0) * way.stride, size, 0);
+            let next = sample_density(sampled(way, k + 1.0), size, 0);
             sum += here;
             sum += select(0.0, next, k + 1.0 < ray.steps);
         }

@@ -181,7 +181,6 @@ const WGPU: Backend = Backend {
     folder: "backend-wgpu/kernels",
     ending: "wgsl",
     own: &[
-        ("sample", "samples", "what does not change along a ray, of which drivers take nothing out of loops"),
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
         ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
         ("evaluate", "moments", "four rows share the light where drivers run on processors"),

@@ -10,7 +10,7 @@ use super::light::{Incident, incident, to_index};
 use super::mesh::line;
 use super::phase::phase;
 use super::phong::{normal, phong};
-use super::sample::{Ahead, Ray};
+use super::sample::{Ahead, Ray, Samples};
 use super::segment::{decays, segment};
 use super::sky::sky;
 use crate::film::{Pixels, SIDE, lanes_of, packets};
@@ -188,7 +188,7 @@ impl<S: Simd> Path<S> {
     #[inline(always)]
     fn walk(&mut self, inputs: &Inputs<'_>, basis: &[F<S>; harmonics::MAX]) {
         let p = inputs.p;
-        let last = self.ray.steps.max_lane().min(p.step_end as f32);
+        let (last, samples) = (self.ray.steps.max_lane().min(p.step_end as f32), self.ray.samples(inputs.occupancy));
         let mut k = p.step_begin as f32;
         while k < last {
             let mut until = last;
@@ -197,7 +197,7 @@ impl<S: Simd> Path<S> {
                 if !active.any() {
                     break;
                 }
-                match occupancy.skip::<S>(&self.ray, self.ray.middle(k), k, active) {
+                match occupancy.skip(&samples, k, active) {
                     Ahead::Empty(next) => {
                         k = next;
                         continue;
@@ -206,9 +206,9 @@ impl<S: Simd> Path<S> {
                 }
             }
             let next = match (inputs.plain, inputs.lit) {
-                (true, false) => self.plain::<false>(inputs, basis, k, until),
-                (true, true) => self.plain::<true>(inputs, basis, k, until),
-                (false, _) => self.colored(inputs, basis, k, until),
+                (true, false) => self.plain::<false>(inputs, &samples, basis, k, until),
+                (true, true) => self.plain::<true>(inputs, &samples, basis, k, until),
+                (false, _) => self.colored(inputs, &samples, basis, k, until),
             };
             if next < until {
                 break;
@@ -226,12 +226,13 @@ impl<S: Simd> Path<S> {
     fn plain<const LIT: bool>(
         &mut self,
         inputs: &Inputs<'_>,
+        samples: &Samples<S>,
         basis: &[F<S>; harmonics::MAX],
         mut k: f32,
         until: f32,
     ) -> f32 {
         let p = inputs.p;
-        let (samples, thickness) = (self.ray.samples(), self.ray.step * p.extinction[0]);
+        let thickness = self.ray.step * p.extinction[0];
         // The last of those looked up together may lie behind what was asked of.
         let steps = self.ray.steps.min(F::splat(p.step_end as f32));
         while k < until {
@@ -263,8 +264,14 @@ impl<S: Simd> Path<S> {
 
     /// The same where channels differ, what scatters is a field of its own, or the medium emits.
     #[inline(always)]
-    fn colored(&mut self, inputs: &Inputs<'_>, basis: &[F<S>; harmonics::MAX], mut k: f32, until: f32) -> f32 {
-        let samples = self.ray.samples();
+    fn colored(
+        &mut self,
+        inputs: &Inputs<'_>,
+        samples: &Samples<S>,
+        basis: &[F<S>; harmonics::MAX],
+        mut k: f32,
+        until: f32,
+    ) -> f32 {
         while k < until {
             let (within, open) = (F::splat(k).lt(self.ray.steps), self.open(inputs));
             if !within.and(open).any() {

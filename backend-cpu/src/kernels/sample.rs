@@ -24,6 +24,14 @@ pub(crate) enum Ahead {
     Dense(f32),
 }
 
+impl<S: Simd> Samples<S> {
+    /// Where sample `k` lies.
+    #[inline(always)]
+    pub(crate) fn sampled(&self, k: f32) -> [F<S>; 3] {
+        triple!(a => self.origin[a] + self.stride[a] * k)
+    }
+}
+
 impl<'a> Occupancy<'a> {
     /// Blocks along x, y, z and their side in voxels.
     pub(crate) fn new(cells: &'a [[f32; 2]], dims: [u32; 4]) -> Self {
@@ -33,22 +41,14 @@ impl<'a> Occupancy<'a> {
         Self { cells, dims, side, per_voxel: 1.0 / side }
     }
 
-    /// Where every active lane stands in an empty block: the number of the next sample that any of them must look
-    /// at, the first beyond what is known to be empty. Else until when one of them stands in a block that is not empty. Samples lie at `t0 + (k + place) Δ` along
-    /// `origin + t · direction` (index space).
+    /// Where every active lane stands in an empty block at sample `k`: the number of the next sample that any of them must
+    /// look at, the first beyond what is known to be empty. Else until when one of them stands in a block that is not empty.
     #[inline(always)]
-    pub(crate) fn skip<S: Simd>(&self, ray: &Ray<S>, t: F<S>, k: f32, active: M<S>) -> Ahead {
+    pub(crate) fn skip<S: Simd>(&self, samples: &Samples<S>, k: f32, active: M<S>) -> Ahead {
+        let at = samples.sampled(k);
         let last = triple!(a => (self.dims[a] - 1) as f32);
-        let block = triple!(a => {
-            // Rounded toward zero in place of down is what lies before the first block, and clamped to it.
-            ((ray.origin[a] + t * ray.direction[a] + 0.5) * self.per_voxel).max(F::ZERO).min(F::splat(last[a])).to_int()
-        });
-        let leave = triple!(a => {
-            let (before, behind) = (-0.5 - Reduce::BEYOND, self.side - 0.5 + Reduce::BEYOND);
-            let wall = ray.direction[a].gt(F::ZERO).select(F::splat(behind), F::splat(before));
-            (block[a].to_float() * self.side + wall - ray.origin[a]) * ray.inverse[a]
-        });
-        let exit = leave[0].min(leave[1]).min(leave[2]);
+        // Rounded toward zero in place of down is what lies before the first block, and clamped to it.
+        let block = triple!(a => ((at[a] + 0.5) * self.per_voxel).max(F::ZERO).min(F::splat(last[a])).to_int());
         // The maximum is the second float of a block.
         let [nx, ny, _] = self.dims;
         let place = block[2].times(ny).plus(block[1]).times(nx).plus(block[0]);
@@ -56,13 +56,24 @@ impl<'a> Occupancy<'a> {
         // SAFETY: indices are clamped to the blocks, which `new` checked to be as many as dims say.
         #[allow(unsafe_code)]
         let most = F::of(unsafe { S::one(bytemuck::cast_slice(self.cells), place.0) });
-        let beyond = ((exit - ray.start) * ray.per_metre - ray.place + 1.0).floor();
+        let leave = triple!(a => block[a].to_float() * samples.wide[a] + samples.leave[a]);
+        let beyond = leave[0].min(leave[1]).min(leave[2]).floor();
         let dense = active.and(most.gt(F::ZERO));
         if dense.any() {
             return Ahead::Dense(dense.select(beyond, F::ZERO).max_lane().max(k + 1.0));
         }
         Ahead::Empty(active.select(beyond, F::splat(f32::INFINITY)).min_lane().max(k + 1.0))
     }
+}
+
+/// Where a packet of rays is sampled, and its way through the blocks of an occupancy: what does not change along it.
+pub(crate) struct Samples<S> {
+    /// Where the first sample lies, and from there to the next one, in index space.
+    origin: [F<S>; 3],
+    stride: [F<S>; 3],
+    /// The first sample beyond what block n along an axis shows is n `wide` behind `leave`.
+    wide: [F<S>; 3],
+    leave: [F<S>; 3],
 }
 
 /// A packet of rays in index space, cut into equal steps.
@@ -77,26 +88,10 @@ pub(crate) struct Ray<S> {
     pub(crate) start: F<S>,
     /// Length of a step, metres; zero where there is none.
     pub(crate) step: F<S>,
-    /// Steps per metre; infinite where there is none.
-    per_metre: F<S>,
     /// Number of steps.
     pub(crate) steps: F<S>,
     /// Where a step is sampled, as a part of it.
     pub(crate) place: F<S>,
-}
-
-/// Where a packet of rays is sampled.
-pub(crate) struct Samples<S> {
-    first: [F<S>; 3],
-    stride: [F<S>; 3],
-}
-
-impl<S: Simd> Samples<S> {
-    /// Where step `k` is.
-    #[inline(always)]
-    pub(crate) fn sampled(&self, k: f32) -> [F<S>; 3] {
-        triple!(a => self.first[a] + self.stride[a] * k)
-    }
 }
 
 impl<S: Simd> Ray<S> {
@@ -115,22 +110,14 @@ impl<S: Simd> Ray<S> {
         let length = (far - near).max(F::ZERO);
         let steps = (length / longest).ceil();
         let step = steps.gt(F::ZERO).select(length / steps.max(F::ONE), F::ZERO);
-        Self { origin, direction, inverse, start: near, step, per_metre: F::ONE / step, steps, place: F::splat(0.5) }
+        Self { origin, direction, inverse, start: near, step, steps, place: F::splat(0.5) }
     }
 
     /// The same part of the ray in `count` steps.
     #[inline(always)]
     pub(crate) fn in_steps(self, count: f32) -> Self {
         let steps = self.steps.gt(F::ZERO).select(F::splat(count), F::ZERO);
-        let step = self.step * self.steps / count;
-        Self { step, per_metre: F::ONE / step, steps, ..self }
-    }
-
-    /// Where the first step is sampled, and from there to where each next one is, in index space.
-    #[inline(always)]
-    pub(crate) fn samples(&self) -> Samples<S> {
-        let t = self.middle(0.0);
-        Samples { first: self.along(t), stride: triple!(a => self.direction[a] * self.step) }
+        Self { step: self.step * self.steps / count, steps, ..self }
     }
 
     /// The point `t` metres along.
@@ -145,19 +132,38 @@ impl<S: Simd> Ray<S> {
         self.start + self.step * (self.place + k)
     }
 
+    /// Where the ray is sampled, once `place` is known.
+    #[inline(always)]
+    pub(crate) fn samples(&self, occupancy: Option<Occupancy<'_>>) -> Samples<S> {
+        let origin = self.along(self.middle(0.0));
+        let stride = triple!(a => self.direction[a] * self.step);
+        let (mut wide, mut leave) = ([F::ZERO; 3], [F::ZERO; 3]);
+        if let Some(occupancy) = occupancy {
+            let (before, behind) = (-0.5 - Reduce::BEYOND, occupancy.side - 0.5 + Reduce::BEYOND);
+            let per_metre = F::ONE / self.step;
+            let per = triple!(a => self.inverse[a] * per_metre);
+            wide = triple!(a => per[a] * occupancy.side);
+            leave = triple!(a => {
+                let wall = self.direction[a].gt(F::ZERO).select(F::splat(behind), F::splat(before));
+                (wall - origin[a]) * per[a] + 1.0
+            });
+        }
+        Samples { origin, stride, wide, leave }
+    }
+
     /// The column of density along the ray, in units of density times metres.
     #[inline(always)]
     pub(crate) fn column(&self, density: Scalars<'_>, occupancy: Option<Occupancy<'_>>, lanes: M<S>) -> F<S> {
         /// Lookups that wait less for each other.
         const TOGETHER: usize = 2;
         let steps = lanes.select(self.steps, F::ZERO);
-        let (last, samples) = (steps.max_lane(), self.samples());
+        let (last, samples) = (steps.max_lane(), self.samples(occupancy));
         let mut sum = F::ZERO;
         let mut k = 0.0;
         while k < last {
             let mut until = last;
             if let Some(occupancy) = occupancy {
-                match occupancy.skip::<S>(self, self.middle(k), k, F::splat(k).lt(steps)) {
+                match occupancy.skip(&samples, k, F::splat(k).lt(steps)) {
                     Ahead::Empty(next) => {
                         k = next;
                         continue;
