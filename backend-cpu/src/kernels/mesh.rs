@@ -2,7 +2,7 @@
 
 use airlight_core::stage::MeshRecord;
 
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, M, apart, dot, lanes, triple};
 use crate::simd::Simd;
 
 /// Rays, and directions across them.
@@ -153,6 +153,19 @@ impl<'a> Mesh<'a> {
     pub(crate) fn triangle(&self, triangle: u32) -> (usize, u32) {
         let at = 2 * self.nodes as usize + 6 * triangle as usize;
         (at, self.records[at + 3].number)
+    }
+
+    /// Where the records of triangles begin.
+    #[inline(always)]
+    pub(crate) fn triangles(&self, numbers: [u32; LANES]) -> [usize; LANES] {
+        lanes!(i => 2 * self.nodes as usize + 6 * numbers[i] as usize)
+    }
+
+    /// The places of the records `n` behind others, and the bits of their numbers.
+    #[inline(always)]
+    pub(crate) fn places<S: Simd>(&self, at: [usize; LANES], n: usize) -> [F<S>; 4] {
+        let records: &[[f32; 4]] = bytemuck::cast_slice(self.records);
+        apart(lanes!(i => records[at[i] + n]))
     }
 }
 
