@@ -254,15 +254,12 @@ fn clamped<S: Simd>(inputs: Inputs<'_>, past: Past<S>, [x, y]: [usize; 2], last:
         ranges[1][PIXEL * i..][..LANES].copy_from_slice(&high.0);
         i += 2;
     }
-    let within = |v: F<S>, c: usize| {
-        let [low, high] = [0, 1].map(|n| F::<S>::of(lanes!(i => ranges[n][PIXEL * i + c])));
-        v.max(low).min(high)
-    };
-    Past {
-        radiance: triple!(c => within(past.radiance[c], c)),
-        transmittance: triple!(c => within(past.transmittance[c], 4 + c)),
-        ..past
-    }
+    let [low, high]: [&[[f32; 4]]; 2] = [bytemuck::cast_slice(&ranges[0]), bytemuck::cast_slice(&ranges[1])];
+    let (least, most) = (apart::<S>(lanes!(i => low[2 * i])), apart::<S>(lanes!(i => high[2 * i])));
+    let radiance = triple!(c => past.radiance[c].max(least[c]).min(most[c]));
+    let (least, most) = (apart::<S>(lanes!(i => low[2 * i + 1])), apart::<S>(lanes!(i => high[2 * i + 1])));
+    let transmittance = triple!(c => past.transmittance[c].max(least[c]).min(most[c]));
+    Past { radiance, transmittance, ..past }
 }
 
 /// Whether values are neither infinite nor no numbers.
