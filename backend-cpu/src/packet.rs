@@ -384,6 +384,19 @@ pub(crate) fn lerp<S: Simd>(a: F<S>, b: F<S>, f: F<S>) -> F<S> {
     a + (b - a) * f
 }
 
+/// The components of sixteen vectors.
+#[inline(always)]
+pub(crate) fn apart<S: Simd>(v: [[f32; 4]; LANES]) -> [F<S>; 4] {
+    let v = S::apart(v);
+    [F::of(v[0]), F::of(v[1]), F::of(v[2]), F::of(v[3])]
+}
+
+/// The sixteen vectors of which these are the components.
+#[inline(always)]
+pub(crate) fn together<S: Simd>(v: [F<S>; 4]) -> [[f32; 4]; LANES] {
+    S::together([v[0].0, v[1].0, v[2].0, v[3].0])
+}
+
 #[cfg(test)]
 mod tests {
     use crate::simd::Portable;

@@ -9,6 +9,8 @@ typedef struct {
     F3 inverse;
     F3 u;
     F3 v;
+    // The first box that `blocked` asks for.
+    uint begin;
 } Line;
 
 typedef struct {
@@ -40,6 +42,7 @@ Line line(F3 origin, F3 direction) {
     Line of;
     of.origin = origin;
     of.direction = direction;
+    of.begin = 0u;
     of.u = f3(1.0f + s * direction.x * direction.x * a, s * b, -s * direction.x);
     of.v = f3(b, s + direction.y * direction.y * a, -direction.y);
     // Along a wall of a box: far enough from parallel to divide by.
@@ -82,7 +85,7 @@ Hit nearest(const Bound *bound, const Line *of, float least, F limit, uint begin
 // Where a triangle stands within `limit` metres; lanes that are not active are not asked for.
 M blocked(const Bound *bound, const Line *of, F limit, M active) {
     M open = active;
-    uint node = 0u;
+    uint node = of->begin;
     while (node < bound->params->nodes && any_lane(open)) {
         if (!any_lane(open & meets(bound, of, node, limit))) {
             node = bound->mesh[2u * node].number;
@@ -97,6 +100,25 @@ M blocked(const Bound *bound, const Line *of, F limit, M active) {
         node++;
     }
     return active & !open;
+}
+
+// The first box of triangles that reaches into those from `lower` to `upper`; the number of boxes where none does.
+uint first_within(const Bound *bound, F3 lower, F3 upper) {
+    uint node = 0u;
+    while (node < bound->params->nodes) {
+        F3 low = all3(place(bound, 2u * node));
+        F3 high = all3(place(bound, 2u * node + 1u));
+        M below = (lower.x <= high.x) & (lower.y <= high.y) & (lower.z <= high.z);
+        M above = (upper.x >= low.x) & (upper.y >= low.y) & (upper.z >= low.z);
+        if (!any_lane(below & above)) {
+            node = bound->mesh[2u * node].number;
+        } else if ((bound->mesh[2u * node + 1u].number & MESH_COUNT_MASK) == 0u) {
+            node++;
+        } else {
+            break;
+        }
+    }
+    return node;
 }
 
 // Which rays meet a box within `limit` metres.

@@ -18,7 +18,14 @@ void run_obstruct(const Bound *bound) {
         // What the passes before left.
         word = as_signed(fetch_uint(bound->obstructed, index));
     }
-    for (uint bit = bound->params->neighbor_begin; bit < bound->params->neighbor_end; bit++) {
+    // Most cells have no triangle near. More than what rounding makes of the neighbours' places.
+    float3 side = bound->params->cell.xyz;
+    float3 reach = 1.001f * (float3)(dot(fabs(bound->params->world_x.xyz), side), dot(fabs(bound->params->world_y.xyz), side),
+                                     dot(fabs(bound->params->world_z.xyz), side));
+    F3 near = f3(1e-6f * fabs(origin.x) + reach.x, 1e-6f * fabs(origin.y) + reach.y, 1e-6f * fabs(origin.z) + reach.z);
+    uint begin = first_within(bound, sub3(origin, near), add3(origin, near));
+    uint end = begin < bound->params->nodes ? bound->params->neighbor_end : bound->params->neighbor_begin;
+    for (uint bit = bound->params->neighbor_begin; bit < end; bit++) {
         if (bit == NEIGHBORS / 2u) {
             continue;
         }
@@ -26,6 +33,7 @@ void run_obstruct(const Bound *bound) {
         F3 way = sub3(center(bound, add3(cell, all3(hop))), origin);
         F far = sqrt(dot3(way, way));
         Line free = line(origin, f3(way.x / far, way.y / far, way.z / far));
+        free.begin = begin;
         word = blocked(bound, &free, far, kept) ? word | (int)(1u << bit) : word;
     }
     int marked[WIDTH];

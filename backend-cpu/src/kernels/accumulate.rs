@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, I, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, M, apart, dot, lanes, together, triple};
 use crate::simd::Simd;
 
 const BLOCK: usize = March::BLOCK as usize;
@@ -19,15 +19,16 @@ type Pixel = [[f32; 4]; 2];
 /// Three vectors of a pixel of a history.
 type Kept = [[f32; 4]; 3];
 
-/// Floats of each.
+/// Floats of a pixel.
 const PIXEL: usize = 8;
-const KEPT: usize = 12;
 
 #[derive(Clone, Copy)]
 struct Inputs<'a> {
     p: &'a AccumulateParams,
-    medium: &'a [f32],
-    last: &'a [f32],
+    /// Two vectors a pixel.
+    medium: &'a [[f32; 4]],
+    /// Three vectors a pixel.
+    last: &'a [[f32; 4]],
 }
 
 /// What is kept of sixteen pixels.
@@ -65,12 +66,7 @@ pub(crate) fn run(stage: &Accumulate, range: Range<u32>, memory: &mut Memory<'_>
     let (mut out, read) = memory.split();
     let p = &stage.params;
     let (width, height) = (p.width as usize, p.height as usize);
-    let (requested, limit) = ((width * height) as u64, i32::MAX as u64 / KEPT as u64);
-    if requested > limit {
-        return Err(DeviceError::Limit { what: "pixels of a history", requested, limit });
-    }
-    let medium = &bytemuck::cast_slice(read.buf(stage.medium)?)[..PIXEL * width * height];
-    let inputs = Inputs { p, medium, last: &bytemuck::cast_slice(read.buf(stage.last)?)[..KEPT * width * height] };
+    let inputs = Inputs { p, medium: read.buf(stage.medium)?, last: read.buf(stage.last)? };
     let mean: &mut [Pixel] = bytemuck::cast_slice_mut(out.remove(1));
     let next: &mut [Kept] = bytemuck::cast_slice_mut(out.remove(0));
     let across = width.div_ceil(BLOCK);
@@ -104,12 +100,11 @@ fn row<S: Simd>(inputs: Inputs<'_>, y: usize, columns: Range<usize>, next: &mut 
 fn accumulate<S: Simd>(inputs: Inputs<'_>, [x, y]: [usize; 2], next: &mut [Kept], mean: &mut [Pixel]) {
     let p = inputs.p;
     let last = mean.len() - 1;
-    let at = I::<S>::of(lanes!(i => (y * p.width as usize + x + i.min(last)) as i32));
+    let at: [usize; LANES] = lanes!(i => y * p.width as usize + x + i.min(last));
     let column = F::<S>::of(lanes!(i => (x + i.min(last)) as f32));
-    let film = at.times(PIXEL as i32);
-    let light = triple!(c => value(inputs.medium, film, c));
-    let through = triple!(c => value(inputs.medium, film, 4 + c));
-    let (surface, depth) = (value(inputs.medium, film, 3), value(inputs.medium, film, 7));
+    let [r, g, b, surface] = apart(lanes!(i => inputs.medium[2 * at[i]]));
+    let [tr, tg, tb, depth] = apart(lanes!(i => inputs.medium[2 * at[i] + 1]));
+    let (light, through) = ([r, g, b], [tr, tg, tb]);
     let past = if p.mode == accumulate_mode::MOVED {
         clamped(inputs, followed(inputs, column, y, surface, depth), [x, y], last)
     } else {
@@ -137,35 +132,26 @@ fn accumulate<S: Simd>(inputs: Inputs<'_>, [x, y]: [usize; 2], next: &mut [Kept]
     let transmittance = triple!(c => now(mixed.transmittance[c], past.transmittance[c], through[c]));
     let depth = now(mixed.depth, past.depth, depth);
     let count = now(mixed.count, past.count, F::ZERO);
+    let [r, g, b] = radiance;
+    let (counted, seen) = (together([r, g, b, count]), together([r, g, b, surface]));
+    let [tr, tg, tb] = transmittance;
+    let through = together([tr, tg, tb, depth]);
     for (i, (next, mean)) in next.iter_mut().zip(mean).enumerate() {
-        let [r, g, b] = triple!(c => radiance[c].0[i]);
-        let [tr, tg, tb] = triple!(c => transmittance[c].0[i]);
-        let through = [tr, tg, tb, depth.0[i]];
-        *next = [[r, g, b, count.0[i]], through, [surface.0[i], 0.0, 0.0, 0.0]];
-        *mean = [[r, g, b, surface.0[i]], through];
+        *next = [counted[i], through[i], [surface.0[i], 0.0, 0.0, 0.0]];
+        *mean = [seen[i], through[i]];
     }
-}
-
-/// The value `c` places behind each offset.
-#[inline(always)]
-fn value<S: Simd>(values: &[f32], at: I<S>, c: usize) -> F<S> {
-    let at = at.plus(I::splat(c as i32));
-    // SAFETY: offsets are those of pixels of the picture, as many as `run` cut the slices to.
-    #[allow(unsafe_code)]
-    F::of(unsafe { S::one(values, at.0) })
 }
 
 /// The history of pixels; none where it is not finite.
 #[inline(always)]
-fn recalled<S: Simd>(inputs: Inputs<'_>, at: I<S>) -> Past<S> {
-    let at = at.times(KEPT as i32);
-    let radiance = triple!(c => value(inputs.last, at, c));
-    let transmittance = triple!(c => value(inputs.last, at, 4 + c));
-    let count = value(inputs.last, at, 3);
-    let light = finite(radiance[0]).and(finite(radiance[1])).and(finite(radiance[2]));
-    let through = finite(transmittance[0]).and(finite(transmittance[1])).and(finite(transmittance[2]));
-    let (depth, surface) = (value(inputs.last, at, 7), value(inputs.last, at, 8));
-    Past { radiance, count, transmittance, depth, surface }.only(light.and(through).and(finite(count)))
+fn recalled<S: Simd>(inputs: Inputs<'_>, at: [usize; LANES]) -> Past<S> {
+    let [r, g, b, count] = apart::<S>(lanes!(i => inputs.last[3 * at[i]]));
+    let [tr, tg, tb, depth] = apart(lanes!(i => inputs.last[3 * at[i] + 1]));
+    let surface = F::of(lanes!(i => inputs.last[3 * at[i] + 2][0]));
+    let light = finite(r).and(finite(g)).and(finite(b));
+    let through = finite(tr).and(finite(tg)).and(finite(tb));
+    let past = Past { radiance: [r, g, b], count, transmittance: [tr, tg, tb], depth, surface };
+    past.only(light.and(through).and(finite(count)))
 }
 
 /// The history of what pixels of a row show, where the last view saw it.
@@ -207,7 +193,7 @@ fn followed<S: Simd>(inputs: Inputs<'_>, x: F<S>, y: usize, distance: F<S>, dept
         let share = (F::ONE - (u - column).abs()) * (F::ONE - (v - row).abs());
         let row = row.max(F::ZERO).min(F::splat(bottom)).to_int();
         let column = column.max(F::ZERO).min(F::splat(right)).to_int();
-        let past = recalled(inputs, row.times(p.width as i32).plus(column));
+        let past = recalled(inputs, lanes!(i => row.0[i] as usize * p.width as usize + column.0[i] as usize));
         let weight = past.count.gt(F::ZERO).select(share * fit(past.surface, surface), F::ZERO);
         sum.radiance = triple!(c => sum.radiance[c] + weight * past.radiance[c]);
         sum.transmittance = triple!(c => sum.transmittance[c] + weight * past.transmittance[c]);
@@ -234,7 +220,7 @@ fn clamped<S: Simd>(inputs: Inputs<'_>, past: Past<S>, [x, y]: [usize; 2], last:
     /// Columns of a packet, and one beside it at each end.
     const WINDOW: usize = LANES + 2;
     let p = inputs.p;
-    let width = p.width as usize;
+    let (width, floats): (_, &[f32]) = (p.width as usize, bytemuck::cast_slice(inputs.medium));
     let rows = [y.max(1) - 1, y, (y + 1).min(p.height as usize - 1)];
     // The range of each column, all values of a pixel side by side, two pixels a packet.
     let (mut least, mut most) = ([FAR; PIXEL * WINDOW], [-FAR; PIXEL * WINDOW]);
@@ -245,7 +231,7 @@ fn clamped<S: Simd>(inputs: Inputs<'_>, past: Past<S>, [x, y]: [usize; 2], last:
         let (mut low, mut high) = (F::<S>::splat(FAR), F::<S>::splat(-FAR));
         for row in rows {
             let [a, b] = columns.map(|column| PIXEL * (row * width + column));
-            let (a, b) = (&inputs.medium[a..][..PIXEL], &inputs.medium[b..][..PIXEL]);
+            let (a, b) = (&floats[a..][..PIXEL], &floats[b..][..PIXEL]);
             let pair = F::<S>::of(lanes!(i => if i < PIXEL { a[i] } else { b[i - PIXEL] }));
             let (mut below, mut above) = (pair.min(low), pair.max(high));
             if surfaces.and(pair.lt(F::ZERO)).any() {
@@ -268,15 +254,12 @@ fn clamped<S: Simd>(inputs: Inputs<'_>, past: Past<S>, [x, y]: [usize; 2], last:
         ranges[1][PIXEL * i..][..LANES].copy_from_slice(&high.0);
         i += 2;
     }
-    let within = |v: F<S>, c: usize| {
-        let [low, high] = [0, 1].map(|n| F::<S>::of(lanes!(i => ranges[n][PIXEL * i + c])));
-        v.max(low).min(high)
-    };
-    Past {
-        radiance: triple!(c => within(past.radiance[c], c)),
-        transmittance: triple!(c => within(past.transmittance[c], 4 + c)),
-        ..past
-    }
+    let [low, high]: [&[[f32; 4]]; 2] = [bytemuck::cast_slice(&ranges[0]), bytemuck::cast_slice(&ranges[1])];
+    let (least, most) = (apart::<S>(lanes!(i => low[2 * i])), apart::<S>(lanes!(i => high[2 * i])));
+    let radiance = triple!(c => past.radiance[c].max(least[c]).min(most[c]));
+    let (least, most) = (apart::<S>(lanes!(i => low[2 * i + 1])), apart::<S>(lanes!(i => high[2 * i + 1])));
+    let transmittance = triple!(c => past.transmittance[c].max(least[c]).min(most[c]));
+    Past { radiance, transmittance, ..past }
 }
 
 /// Whether values are neither infinite nor no numbers.

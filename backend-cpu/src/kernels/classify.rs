@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, I, LANES, lanes, lerp, triple};
+use crate::packet::{F, I, LANES, lanes, lerp, together, triple};
 use crate::simd::Simd;
 
 const PACK: usize = Classify::PACK as usize;
@@ -62,9 +62,11 @@ fn classify<S: Simd>(inputs: &Inputs<'_>, values: &[f32], out: &mut [f32]) {
             out.copy_from_slice(&found.0[..out.len()]);
             continue;
         }
-        let found = color(inputs, &p);
-        for (i, voxel) in out.chunks_exact_mut(4).enumerate() {
-            voxel.copy_from_slice(&[found[0].0[i], found[1].0[i], found[2].0[i], 0.0]);
+        let [r, g, b] = color(inputs, &p);
+        let found = together([r, g, b, F::ZERO]);
+        match <&mut [f32; 4 * LANES]>::try_from(&mut *out) {
+            Ok(whole) => *whole = bytemuck::cast(found),
+            Err(_) => out.copy_from_slice(&bytemuck::cast_slice(&found)[..out.len()]),
         }
     }
 }
@@ -82,31 +84,34 @@ fn point<S: Simd>(inputs: &Inputs<'_>, value: F<S>) -> Points<S> {
     let record = (size_of::<ControlRecord>() / size_of::<f32>()) as i32;
     let a = (below.max(F::ONE) - 1.0).to_int().times(record);
     let b = below.min(last).to_int().times(record);
-    let start = number(floats, a, 0);
-    let width = number(floats, b, 0) - start;
+    let ([start, low], [end, high]) = (pair(floats, a, 0), pair(floats, b, 0));
+    let width = end - start;
     // Beyond the ends both are one point, and between them never.
     let f = width.gt(F::ZERO).select((value - start) / width, F::ZERO);
     let colored = inputs.p.dims[3] != classify_kind::DENSITY;
     let seen = inputs.p.dims[3] == classify_kind::SEEN;
     Points {
-        density: mixed(floats, [a, b], 1, f),
-        first: if colored { triple!(c => mixed(floats, [a, b], 4 + c as i32, f)) } else { [F::ZERO; 3] },
-        second: if seen { triple!(c => mixed(floats, [a, b], 8 + c as i32, f)) } else { [F::ZERO; 3] },
+        density: lerp(low, high, f),
+        first: if colored { mixed(floats, [a, b], 4, f) } else { [F::ZERO; 3] },
+        second: if seen { mixed(floats, [a, b], 8, f) } else { [F::ZERO; 3] },
     }
 }
 
-/// A number of a point, whose first float lies at `at`.
+/// A number of a point, whose first float lies at `at`, and the one behind it.
 #[inline(always)]
-fn number<S: Simd>(floats: &[f32], at: I<S>, n: i32) -> F<S> {
-    // SAFETY: `point` alone calls this, for points that there are and numbers that each of them has.
+fn pair<S: Simd>(floats: &[f32], at: I<S>, n: i32) -> [F<S>; 2] {
+    // SAFETY: `point` and `mixed` alone call this, for points that there are and numbers of which each of them has four.
     #[allow(unsafe_code)]
-    F::of(unsafe { S::one(floats, at.plus(I::splat(n)).0) })
+    let [a, b] = unsafe { S::two(floats, at.plus(I::splat(n)).0) };
+    [F::of(a), F::of(b)]
 }
 
-/// Between a number of two points.
+/// Three numbers of a point, between two points.
 #[inline(always)]
-fn mixed<S: Simd>(floats: &[f32], [a, b]: [I<S>; 2], n: i32, f: F<S>) -> F<S> {
-    lerp(number(floats, a, n), number(floats, b, n), f)
+fn mixed<S: Simd>(floats: &[f32], [a, b]: [I<S>; 2], n: i32, f: F<S>) -> [F<S>; 3] {
+    let ([r, g], [s, h]) = (pair(floats, a, n), pair(floats, b, n));
+    let ([k, _], [l, _]) = (pair(floats, a, n + 2), pair(floats, b, n + 2));
+    [lerp(r, s, f), lerp(g, h, f), lerp(k, l, f)]
 }
 
 /// The colours of a kind that has some.

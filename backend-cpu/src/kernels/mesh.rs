@@ -2,7 +2,7 @@
 
 use airlight_core::stage::MeshRecord;
 
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, M, apart, dot, lanes, triple};
 use crate::simd::Simd;
 
 /// Rays, and directions across them.
@@ -30,6 +30,8 @@ pub(crate) struct Hit<S> {
 pub(crate) struct Mesh<'a> {
     records: &'a [MeshRecord],
     nodes: u32,
+    /// The first box that `blocked` asks for.
+    begin: usize,
 }
 
 /// The rays along unit `direction`s, with a frame across each (Duff et al. 2017).
@@ -49,7 +51,7 @@ pub(crate) fn line<S: Simd>(origin: [F<S>; 3], direction: [F<S>; 3]) -> Line<S> 
 impl<'a> Mesh<'a> {
     /// A mesh of so many boxes.
     pub(crate) fn new(records: &'a [MeshRecord], nodes: u32) -> Self {
-        Self { records, nodes }
+        Self { records, nodes, begin: 0 }
     }
 
     /// The nearest triangles within boxes `begin` to `end`, between `least` and `limit` metres along.
@@ -82,7 +84,7 @@ impl<'a> Mesh<'a> {
     #[inline(always)]
     pub(crate) fn blocked<S: Simd>(&self, of: &Line<S>, limit: F<S>, active: M<S>) -> M<S> {
         let mut open = active;
-        let mut node = 0;
+        let mut node = self.begin;
         while node < self.nodes as usize && open.any() {
             if !self.meets(of, node, limit).and(open).any() {
                 node = self.records[2 * node].number as usize;
@@ -96,6 +98,24 @@ impl<'a> Mesh<'a> {
             node += 1;
         }
         active.and(open.not())
+    }
+
+    /// The mesh from the first box of triangles on that reaches into those from `lower` to `upper`; none where none does.
+    #[inline(always)]
+    pub(crate) fn first_within<S: Simd>(&self, lower: [F<S>; 3], upper: [F<S>; 3]) -> Option<Self> {
+        let mut node = 0;
+        while node < self.nodes as usize {
+            let (low, high) = (self.place(2 * node), self.place(2 * node + 1));
+            let [x, y, z] = triple!(a => F::splat(high[a]).ge(lower[a]).and(upper[a].ge(F::splat(low[a]))));
+            if !x.and(y).and(z).any() {
+                node = self.records[2 * node].number as usize;
+            } else if self.leaf(node).is_empty() {
+                node += 1;
+            } else {
+                return Some(Self { begin: node, ..*self });
+            }
+        }
+        None
     }
 
     /// The triangles of a box.
@@ -153,6 +173,19 @@ impl<'a> Mesh<'a> {
     pub(crate) fn triangle(&self, triangle: u32) -> (usize, u32) {
         let at = 2 * self.nodes as usize + 6 * triangle as usize;
         (at, self.records[at + 3].number)
+    }
+
+    /// Where the records of triangles begin.
+    #[inline(always)]
+    pub(crate) fn triangles(&self, numbers: [u32; LANES]) -> [usize; LANES] {
+        lanes!(i => 2 * self.nodes as usize + 6 * numbers[i] as usize)
+    }
+
+    /// The places of the records `n` behind others, and the bits of their numbers.
+    #[inline(always)]
+    pub(crate) fn places<S: Simd>(&self, at: [usize; LANES], n: usize) -> [F<S>; 4] {
+        let records: &[[f32; 4]] = bytemuck::cast_slice(self.records);
+        apart(lanes!(i => records[at[i] + n]))
     }
 }
 

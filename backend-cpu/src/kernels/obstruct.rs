@@ -50,6 +50,14 @@ fn obstruct<S: Simd>(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32
     if p.neighbor_begin == 0 {
         words.fill(0);
     }
+    // Most cells have no triangle near. More than what rounding makes of the neighbours' places.
+    let rows = [&p.world_x, &p.world_y, &p.world_z];
+    let reach =
+        triple!(a => rows[a][0].abs() * p.cell[0] + rows[a][1].abs() * p.cell[1] + rows[a][2].abs() * p.cell[2]);
+    let reach = triple!(a => from[a].abs() * 1e-6 + 1.001 * reach[a]);
+    let lower = triple!(a => from[a] - reach[a]);
+    let upper = triple!(a => from[a] + reach[a]);
+    let Some(mesh) = inputs.mesh.first_within(lower, upper) else { return };
     for bit in p.neighbor_begin..p.neighbor_end {
         if bit == Obstruct::NEIGHBORS / 2 {
             continue;
@@ -59,7 +67,7 @@ fn obstruct<S: Simd>(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32
         let way = triple!(a => to[a] - from[a]);
         let far = dot(way, way).sqrt();
         let toward = triple!(a => way[a] / far);
-        let stands = inputs.mesh.blocked(&line(from, toward), far, M::ALL);
+        let stands = mesh.blocked(&line(from, toward), far, M::ALL);
         for (i, word) in words.iter_mut().enumerate() {
             *word |= u32::from(stands.lane(i)) << bit;
         }

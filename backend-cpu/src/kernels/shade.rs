@@ -15,7 +15,7 @@ use super::view::{View, view};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, M, apart, dot, lanes, together, triple};
 use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
@@ -81,8 +81,7 @@ pub(crate) fn run(stage: &Shade, range: Range<u32>, memory: &mut Memory<'_>, isa
 fn shade<S: Simd>(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
     let p = inputs.p;
     let unit: [usize; LANES] = lanes!(i => (first + i).min(inputs.last));
-    let load = |half: usize, c: usize| F::of(lanes!(i => inputs.hits[unit[i]][half][c]));
-    let distance = load(0, 3);
+    let [x, y, z, distance] = apart(lanes!(i => inputs.hits[unit[i]][0]));
     let behind = |i: usize| {
         let none = [0.0, 0.0, 0.0, f32::INFINITY];
         if inputs.background.is_empty() { none } else { inputs.background[unit[i] / p.samples as usize] }
@@ -97,11 +96,12 @@ fn shade<S: Simd>(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
     }
     if met.any() {
         let d = view(&inputs.view, first, inputs.last);
+        let [fx, fy, fz, _] = apart(lanes!(i => inputs.hits[unit[i]][1]));
         let hits = Hits {
-            normal: triple!(c => load(0, c)),
+            normal: [x, y, z],
             // Finite where nothing is met, so that nothing odd comes of it.
             distance: met.select(distance, F::ONE),
-            facet: triple!(c => load(1, c)),
+            facet: [fx, fy, fz],
             material: lanes!(i => (inputs.hits[unit[i]][1][3] as usize).min(inputs.materials.len() - 1)),
         };
         for record in inputs.lights {
@@ -109,8 +109,9 @@ fn shade<S: Simd>(inputs: &Inputs<'_>, first: usize, surface: &mut [[f32; 4]]) {
             sum = triple!(c => sum[c] + light[c]);
         }
     }
+    let light = together([sum[0], sum[1], sum[2], distance]);
     for (i, place) in surface.iter_mut().enumerate() {
-        *place = if met.lane(i) { [sum[0].0[i], sum[1].0[i], sum[2].0[i], distance.0[i]] } else { behind(i) };
+        *place = if met.lane(i) { light[i] } else { behind(i) };
     }
 }
 

@@ -37,7 +37,7 @@ struct Cells<'a> {
 }
 
 /// A plane of cells with what they send on, in rows along the first of its axes. Around it lies a border of one cell of
-/// what stands beyond, and behind each row's start and end a packet's room.
+/// what stands beyond, and behind it a packet's room.
 struct Plane {
     /// Floats of a row, and of all rows.
     pitch: usize,
@@ -156,8 +156,8 @@ impl Plane {
         let p = inputs.p;
         let [b, c] = SweepDirection::others(axis);
         let cells = [b, c].map(|a| p.cells[a] as usize);
-        let pitch = cells[0].next_multiple_of(LANES) + 2 * LANES;
-        let size = pitch * (cells[1] + 2);
+        let pitch = cells[0] + 2;
+        let size = pitch * (cells[1] + 2) + LANES;
         let room = |planes: u32| vec![0.0; size * planes as usize];
         Self {
             pitch,
@@ -174,7 +174,7 @@ impl Plane {
     /// Where cell (0, `row`) lies.
     #[inline(always)]
     fn row(&self, row: usize) -> usize {
-        (row + 1) * self.pitch + LANES
+        (row + 1) * self.pitch + 1
     }
 
     /// Takes plane `plane` of a direction: what its cells hold, and their radiance where it is there.
@@ -234,7 +234,7 @@ fn copy<T: Copy>(out: &mut [T], from: &[T], stride: usize) {
 #[inline(always)]
 fn border(part: &mut [f32], pitch: usize, [count, rows]: [usize; 2], value: Option<f32>) {
     for row in 1..=rows {
-        let first = row * pitch + LANES;
+        let first = row * pitch + 1;
         part[first - 1] = value.unwrap_or(part[first]);
         part[first + count] = value.unwrap_or(part[first + count - 1]);
     }
@@ -299,39 +299,38 @@ fn advance<S: Simd>(inputs: &Inputs<'_>, way: &SweepDirection, first: bool, befo
     let size = here.size;
     let around = [0, across, down, across.wrapping_add(down)];
     let bits = [way.bit(0, 0), way.bit(1, 0), way.bit(0, 1), way.bit(1, 1)];
-    for row in 0..here.cells[1] {
-        let start = here.row(row);
-        for at in (start..start + here.cells[0]).step_by(LANES) {
-            let mut closed = [M::<S>::of([0; LANES]); 4];
-            if !here.obstructed.is_empty() {
-                let words = &here.obstructed[at..at + LANES];
-                for i in 0..4 {
-                    closed[i] = M::of(lanes!(k => if words[k] >> bits[i] & 1 == 1 { u32::MAX } else { 0 }));
-                }
+    // Packets run on from row to row; what they make of the border between is overwritten.
+    let end = here.row(here.cells[1] - 1) + here.cells[0];
+    for at in (here.row(0)..end).step_by(LANES) {
+        let mut closed = [M::<S>::of([0; LANES]); 4];
+        if !here.obstructed.is_empty() {
+            let words = &here.obstructed[at..at + LANES];
+            for i in 0..4 {
+                closed[i] = M::of(lanes!(k => if words[k] >> bits[i] & 1 == 1 { u32::MAX } else { 0 }));
             }
-            let from = Around { at, around, weights, closed, any: !here.obstructed.is_empty() };
-            let (mut e, mut mean, mut tau) = (F::<S>::ZERO, F::ZERO, F::ZERO);
-            for channel in 0..p.channels as usize {
-                let part = channel * size;
-                if channel == 0 || p.grey == 0 {
-                    let own = load(&here.extinction[part..], at);
-                    let extinction = own + mix(&before.extinction[part..], &from, own);
-                    tau = extinction * (0.5 * way.length);
-                    (e, mean) = segment(tau);
-                }
-                let mut light = e * mix(&before.radiance[part..], &from, F::ZERO);
-                if p.source_coefficients > 0 {
-                    let own = load(&here.source[part..], at);
-                    let upwind = if first { own } else { mix(&before.source[part..], &from, own) };
-                    light = light + own * (tau * mean) + (upwind - own) * leaning(tau, e, mean);
-                }
-                if p.emits == 1 {
-                    let own = load(&here.emission[part..], at);
-                    let emission = own + mix(&before.emission[part..], &from, own);
-                    light = light + mean * (0.5 * way.length) * emission;
-                }
-                here.radiance[part + at..][..LANES].copy_from_slice(&light.0);
+        }
+        let from = Around { at, around, weights, closed, any: !here.obstructed.is_empty() };
+        let (mut e, mut mean, mut tau) = (F::<S>::ZERO, F::ZERO, F::ZERO);
+        for channel in 0..p.channels as usize {
+            let part = channel * size;
+            if channel == 0 || p.grey == 0 {
+                let own = load(&here.extinction[part..], at);
+                let extinction = own + mix(&before.extinction[part..], &from, own);
+                tau = extinction * (0.5 * way.length);
+                (e, mean) = segment(tau);
             }
+            let mut light = e * mix(&before.radiance[part..], &from, F::ZERO);
+            if p.source_coefficients > 0 {
+                let own = load(&here.source[part..], at);
+                let upwind = if first { own } else { mix(&before.source[part..], &from, own) };
+                light = light + own * (tau * mean) + (upwind - own) * leaning(tau, e, mean);
+            }
+            if p.emits == 1 {
+                let own = load(&here.emission[part..], at);
+                let emission = own + mix(&before.emission[part..], &from, own);
+                light = light + mean * (0.5 * way.length) * emission;
+            }
+            here.radiance[part + at..][..LANES].copy_from_slice(&light.0);
         }
     }
 }

@@ -11,7 +11,7 @@ use super::view::{View, view};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, lanes, triple};
+use crate::packet::{F, LANES, dot, lanes, together, triple};
 use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
@@ -58,35 +58,39 @@ fn trace<S: Simd>(inputs: &Inputs<'_>, first: usize, hits: &mut [[[f32; 4]; 2]])
     let last = hits.len() - 1;
     let limit = if known { F::of(lanes!(i => hits[i.min(last)][0][3])) } else { F::splat(f32::INFINITY) };
     let hit = inputs.mesh.nearest(&of, 0.0, limit, [p.node_begin, p.node_end]);
+    let met = hit.distance.lt(F::splat(f32::INFINITY));
+    let (mut normals, mut facets) = ([[0.0, 0.0, 0.0, f32::INFINITY]; LANES], [[0.0; 4]; LANES]);
+    if met.any() {
+        let at = inputs.mesh.triangles(hit.triangle);
+        let own = facet(inputs.mesh, &of, at);
+        let [a, b, c] = [inputs.mesh.places(at, 3), inputs.mesh.places(at, 4), inputs.mesh.places(at, 5)];
+        let normal = triple!(n => hit.weights[0] * a[n] + hit.weights[1] * b[n] + hit.weights[2] * c[n]);
+        let size = dot(normal, normal).sqrt();
+        let long = size.gt(F::ZERO);
+        let normal = triple!(n => long.select(normal[n] / size, own[n]));
+        let away = dot(normal, own).lt(F::ZERO);
+        let normal = triple!(n => met.select(away.select(-normal[n], normal[n]), F::ZERO));
+        let own = triple!(n => met.select(own[n], F::ZERO));
+        let material = met.select(a[3].bits().to_float(), F::ZERO);
+        normals = together([normal[0], normal[1], normal[2], hit.distance]);
+        facets = together([own[0], own[1], own[2], material]);
+    }
     for (i, place) in hits.iter_mut().enumerate() {
-        if hit.distance.0[i] < f32::INFINITY {
-            let (at, material) = inputs.mesh.triangle(hit.triangle[i]);
-            let own = facet(inputs.mesh, &of, i, at);
-            let [a, b, c] = [3, 4, 5].map(|n| inputs.mesh.place(at + n));
-            let weights = triple!(n => hit.weights[n].0[i]);
-            let normal = triple!(n => weights[0] * a[n] + weights[1] * b[n] + weights[2] * c[n]);
-            let size = dot(normal, normal).sqrt();
-            let normal = if size > 0.0 { normal.map(|v| v / size) } else { own };
-            let [x, y, z] = if dot(normal, own) < 0.0 { normal.map(|v| -v) } else { normal };
-            *place = [[x, y, z, hit.distance.0[i]], [own[0], own[1], own[2], material as f32]];
-        } else if !known {
-            *place = [[0.0, 0.0, 0.0, f32::INFINITY], [0.0; 4]];
+        // Else what earlier passes found stands.
+        if met.lane(i) || !known {
+            *place = [normals[i], facets[i]];
         }
     }
 }
 
-/// The normal of the triangle whose records begin at `at`, on the side that the ray of a lane comes from.
+/// The normals of the triangles whose records begin at `at`, on the side that the rays come from.
 #[inline(always)]
-fn facet<S: Simd>(mesh: Mesh<'_>, of: &Line<S>, lane: usize, at: usize) -> [f32; 3] {
-    let [a, b, c] = [0, 1, 2].map(|n| mesh.place(at + n));
+fn facet<S: Simd>(mesh: Mesh<'_>, of: &Line<S>, at: [usize; LANES]) -> [F<S>; 3] {
+    let [a, b, c] = [mesh.places(at, 0), mesh.places(at, 1), mesh.places(at, 2)];
     let (p, q) = (triple!(n => b[n] - a[n]), triple!(n => c[n] - a[n]));
     let across = triple!(n => p[(n + 1) % 3] * q[(n + 2) % 3] - p[(n + 2) % 3] * q[(n + 1) % 3]);
-    let size = dot(across, across).sqrt().max(f32::MIN_POSITIVE);
-    let own = across.map(|v| v / size);
-    if dot(own, triple!(n => of.direction[n].0[lane])) > 0.0 { own.map(|v| -v) } else { own }
-}
-
-#[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    let size = dot(across, across).sqrt().max(F::splat(f32::MIN_POSITIVE));
+    let own = triple!(n => across[n] / size);
+    let away = dot(own, of.direction).gt(F::ZERO);
+    triple!(n => away.select(-own[n], own[n]))
 }

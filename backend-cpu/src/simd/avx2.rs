@@ -213,6 +213,66 @@ impl Simd for Avx2 {
         let [low, high] = unsafe { [_mm256_movemask_ps(low), _mm256_movemask_ps(high)] };
         (low | high << 8) as u32
     }
+
+    #[inline(always)]
+    fn apart(v: [[f32; 4]; 16]) -> [Floats; 4] {
+        // SAFETY: both are sixty-four floats.
+        let v: [__m256; 8] = unsafe { std::mem::transmute(v) };
+        let (a, b) = (eight_apart([v[0], v[1], v[2], v[3]]), eight_apart([v[4], v[5], v[6], v[7]]));
+        [from(a[0], b[0]), from(a[1], b[1]), from(a[2], b[2]), from(a[3], b[3])]
+    }
+
+    #[inline(always)]
+    fn together(v: [Floats; 4]) -> [[f32; 4]; 16] {
+        let [x, y, z, w] = [f(v[0]), f(v[1]), f(v[2]), f(v[3])];
+        // SAFETY: both are sixty-four floats.
+        unsafe {
+            std::mem::transmute([eight_together([x[0], y[0], z[0], w[0]]), eight_together([x[1], y[1], z[1], w[1]])])
+        }
+    }
+}
+
+/// The components of eight vectors.
+#[inline(always)]
+fn eight_apart(v: [__m256; 4]) -> [__m256; 4] {
+    // SAFETY: kernels are compiled for the set, and nothing touches memory.
+    unsafe {
+        // Those that are four apart side by side.
+        let [a, c] = [_mm256_permute2f128_ps::<0x20>(v[0], v[2]), _mm256_permute2f128_ps::<0x20>(v[1], v[3])];
+        let [b, d] = [_mm256_permute2f128_ps::<0x31>(v[0], v[2]), _mm256_permute2f128_ps::<0x31>(v[1], v[3])];
+        turned([a, b, c, d])
+    }
+}
+
+/// The vectors of eight of each component.
+#[inline(always)]
+fn eight_together(v: [__m256; 4]) -> [__m256; 4] {
+    // SAFETY: as above.
+    unsafe {
+        let [a, b, c, d] = turned(v);
+        [
+            _mm256_permute2f128_ps::<0x20>(a, b),
+            _mm256_permute2f128_ps::<0x20>(c, d),
+            _mm256_permute2f128_ps::<0x31>(a, b),
+            _mm256_permute2f128_ps::<0x31>(c, d),
+        ]
+    }
+}
+
+/// Four rows of four as columns, in both halves.
+#[inline(always)]
+fn turned([a, b, c, d]: [__m256; 4]) -> [__m256; 4] {
+    // SAFETY: as above.
+    unsafe {
+        let [ab, cd] = [_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d)];
+        let [ef, gh] = [_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d)];
+        [
+            _mm256_shuffle_ps::<0x44>(ab, cd),
+            _mm256_shuffle_ps::<0xee>(ab, cd),
+            _mm256_shuffle_ps::<0x44>(ef, gh),
+            _mm256_shuffle_ps::<0xee>(ef, gh),
+        ]
+    }
 }
 
 /// Bits as floats.

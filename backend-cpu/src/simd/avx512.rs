@@ -230,4 +230,42 @@ impl Simd for Avx512 {
             [from(_mm512_cvtph_ps(low)), from(_mm512_cvtph_ps(high))]
         }
     }
+
+    #[inline(always)]
+    fn apart(v: [[f32; 4]; 16]) -> [Floats; 4] {
+        // Of eight vectors the first and second components, and the third and fourth.
+        const FIRST: [i32; 16] = [0, 4, 8, 12, 16, 20, 24, 28, 1, 5, 9, 13, 17, 21, 25, 29];
+        const LAST: [i32; 16] = [2, 6, 10, 14, 18, 22, 26, 30, 3, 7, 11, 15, 19, 23, 27, 31];
+        // SAFETY: both are sixty-four floats, and nothing touches memory.
+        unsafe {
+            let v: [__m512; 4] = transmute(v);
+            let [a, b] = [_mm512_permutex2var_ps(v[0], i(FIRST), v[1]), _mm512_permutex2var_ps(v[2], i(FIRST), v[3])];
+            let [c, d] = [_mm512_permutex2var_ps(v[0], i(LAST), v[1]), _mm512_permutex2var_ps(v[2], i(LAST), v[3])];
+            [
+                from(_mm512_shuffle_f32x4::<0x44>(a, b)),
+                from(_mm512_shuffle_f32x4::<0xee>(a, b)),
+                from(_mm512_shuffle_f32x4::<0x44>(c, d)),
+                from(_mm512_shuffle_f32x4::<0xee>(c, d)),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    fn together(v: [Floats; 4]) -> [[f32; 4]; 16] {
+        // The first four vectors of eight, and the last.
+        const FIRST: [i32; 16] = [0, 8, 16, 24, 1, 9, 17, 25, 2, 10, 18, 26, 3, 11, 19, 27];
+        const LAST: [i32; 16] = [4, 12, 20, 28, 5, 13, 21, 29, 6, 14, 22, 30, 7, 15, 23, 31];
+        // SAFETY: as above.
+        unsafe {
+            let [x, y, z, w] = [f(v[0]), f(v[1]), f(v[2]), f(v[3])];
+            let [a, b] = [_mm512_shuffle_f32x4::<0x44>(x, y), _mm512_shuffle_f32x4::<0x44>(z, w)];
+            let [c, d] = [_mm512_shuffle_f32x4::<0xee>(x, y), _mm512_shuffle_f32x4::<0xee>(z, w)];
+            transmute([
+                _mm512_permutex2var_ps(a, i(FIRST), b),
+                _mm512_permutex2var_ps(a, i(LAST), b),
+                _mm512_permutex2var_ps(c, i(FIRST), d),
+                _mm512_permutex2var_ps(c, i(LAST), d),
+            ])
+        }
+    }
 }

@@ -242,6 +242,18 @@ pub(crate) trait Simd: Copy + Send + Sync {
         });
         [lanes!(i => half(pairs[i][0])), lanes!(i => half(pairs[i][1]))]
     }
+
+    /// The components of vectors, sixteen of each.
+    #[inline(always)]
+    fn apart(v: [[f32; 4]; LANES]) -> [Floats; 4] {
+        [lanes!(i => v[i][0]), lanes!(i => v[i][1]), lanes!(i => v[i][2]), lanes!(i => v[i][3])]
+    }
+
+    /// The vectors of which these are the components.
+    #[inline(always)]
+    fn together(v: [Floats; 4]) -> [[f32; 4]; LANES] {
+        lanes!(i => [v[0][i], v[1][i], v[2][i], v[3][i]])
+    }
 }
 
 /// Lane by lane: for packets of which one lane counts, and for other processors.
@@ -303,6 +315,9 @@ mod tests {
             out.extend(S::two(&memory, m).concat().iter().map(|v| v.to_bits()));
             out.extend(S::halves(&halves, m).concat().iter().map(|v| v.to_bits()));
         }
+        let vectors = lanes!(i => [a[i], b[i], a[i] + 1.0, n[i] as f32]);
+        out.extend(S::apart(vectors).concat().iter().map(|v| v.to_bits()));
+        out.extend(S::together([a, b, finite, S::to_float(n)]).concat().iter().map(|v| v.to_bits()));
         out.extend([S::bits(less), S::least(finite).to_bits(), S::most(finite).to_bits()]);
     }
 
