@@ -183,6 +183,7 @@ const WGPU: Backend = Backend {
     folder: "backend-wgpu/kernels",
     ending: "wgsl",
     own: &[
+        ("maximum", "five", "voxels whose lookups do not wait for each other"),
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
         ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
         ("evaluate", "moments", "four rows share the light where drivers run on processors"),

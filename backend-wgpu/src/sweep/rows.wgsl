@@ -1,6 +1,18 @@
 // The planes of `sweep` by two rows of four cells, which share what they load of the plane upwind. One workgroup a direction; one
 // invocation eight cells of a plane at a time, counted the way that the direction leads.
 
+// A direction's way through the planes: along its axis, along their rows and across those.
+struct Course {
+    length: f32,
+    // Cells, how far apart neighbours lie the way that it leads, and whether that is down.
+    size: vec3<u32>,
+    hop: vec3<i32>,
+    falls: vec3<bool>,
+    // What four cells of the plane upwind weigh, and their bits in the word of a cell that stands among surfaces.
+    weights: vec4<f32>,
+    bits: vec4<u32>,
+}
+
 // The four cells of the plane upwind around the ray of each of four cells: what they weigh, and which stand behind surfaces.
 struct Around {
     weights: vec4<f32>,
@@ -38,11 +50,13 @@ fn sweep_rows(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     let cells = params.cells.xyz;
     let fours = (cells + 3u) / 4u;
     let twos = (cells + 1u) / 2u;
+    // Found once: drivers take nothing out of loops.
+    let course = through(read_directions(first + n));
     let items = max(max(fours.x * twos.y, fours.x * twos.z), fours.y * twos.z);
     for (var step = launch.first; step < launch.past; step++) {
         if n < launch.count {
             for (var item = 0u; item < items; item += UNITS) {
-                advance(n, first, step % steps, item + lane);
+                advance(course, n, step % steps, item + lane);
             }
         }
         // Each plane sees the one before it.
@@ -50,28 +64,37 @@ fn sweep_rows(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     }
 }
 
-// Radiance of eight cells of the plane that a step finishes, of direction `n` of the batch that begins with `first`.
-fn advance(n: u32, first: u32, step: u32, item: u32) {
-    let way = read_directions(first + n);
-    // Along the axis, along rows and across them: cells, and how far apart neighbours lie.
+// The way of a direction.
+fn through(way: SweepDirection) -> Course {
     let x = way.axis == 0u;
     let z = way.axis == 2u;
     let cells = params.cells;
     let size = vec3<u32>(select(select(cells.y, cells.z, z), cells.x, x), select(cells.x, cells.y, x), select(cells.z, cells.y, z));
-    let fours = (size.y + 3u) / 4u;
-    if step >= size.x || item >= fours * ((size.z + 1u) / 2u) {
-        return;
-    }
     let slice = cells.x * cells.y;
     let pitch = vec3<i32>(vec3<u32>(select(select(cells.x, slice, z), 1u, x), select(1u, cells.x, x), select(slice, cells.x, z)));
     let down = vec3<u32>(way.down >> way.axis, way.down >> select(0u, 1u, x), way.down >> select(2u, 1u, z));
     let falls = (down & vec3<u32>(1u)) == vec3<u32>(1u);
-    let hop = select(pitch, -pitch, falls);
+    let across = vec4<f32>(1.0 - way.second, 1.0 - way.second, way.second, way.second);
+    let weights = vec4<f32>(1.0 - way.first, way.first, 1.0 - way.first, way.first) * across;
+    let turn = vec3<i32>(select(select(3, 9, z), 1, x), select(1, 3, x), select(9, 3, z));
+    let on = select(turn, -turn, falls);
+    let bits = vec4<u32>(13 + on.x + vec4<i32>(0, on.y, on.z, on.y + on.z));
+    return Course(way.length, size, select(pitch, -pitch, falls), falls, weights, bits);
+}
+
+// Radiance of eight cells of the plane that a step finishes, of direction `n` of the batch.
+fn advance(course: Course, n: u32, step: u32, item: u32) {
+    let size = course.size;
+    let hop = course.hop;
+    let fours = (size.y + 3u) / 4u;
+    if step >= size.x || item >= fours * ((size.z + 1u) / 2u) {
+        return;
+    }
     let within = divide(item, fours);
     // Along the axis the plane before lies the other way.
     let begin = vec3<u32>(size.x - 1u - step, 4u * within.y, 2u * within.x);
-    let place = vec3<i32>(select(begin, size - 1u - begin, falls));
-    let cell = place.x * pitch.x + place.y * pitch.y + place.z * pitch.z;
+    let place = vec3<i32>(select(begin, size - 1u - begin, course.falls)) * abs(hop);
+    let cell = place.x + place.y + place.z;
     // Beyond the end of its row a cell's place is that of the last one, beyond the last row that of this one, and beyond the
     // box this plane's.
     let left = i32(size.y - begin.y);
@@ -91,19 +114,14 @@ fn advance(n: u32, first: u32, step: u32, item: u32) {
     let a = Places(vec4<u32>(up + on), u32(up + end), here, here_end);
     let b = Places(vec4<u32>(up + beyond + on), u32(up + beyond + end), here & vec4<bool>(two), here_end && two);
     let c = Places(vec4<u32>(up + last + on), u32(up + last + end), here & vec4<bool>(three), here_end && three);
-    let across = vec4<f32>(1.0 - way.second, 1.0 - way.second, way.second, way.second);
-    let weights = vec4<f32>(1.0 - way.first, way.first, 1.0 - way.first, way.first) * across;
-    var around = Around(weights, vec4<u32>(0u), vec4<u32>(0u));
+    var around = Around(course.weights, vec4<u32>(0u), course.bits);
     var around_beside = around;
     if has_obstructed {
-        let turn = vec3<i32>(select(select(3, 9, z), 1, x), select(1, 3, x), select(9, 3, z));
-        let on = select(turn, -turn, falls);
-        let bits = vec4<u32>(13 + on.x + vec4<i32>(0, on.y, on.z, on.y + on.z));
-        around = Around(weights, four_obstructed(own), bits);
-        around_beside = Around(weights, four_obstructed(beside), bits);
+        around.words = four_obstructed(own);
+        around_beside.words = four_obstructed(beside);
     }
-    let count = slice * cells.z;
-    let half = 0.5 * way.length;
+    let count = params.cells.x * params.cells.y * params.cells.z;
+    let half = 0.5 * course.length;
     let none = vec4<f32>(0.0);
     var rays = Rays(none, none, none);
     var rays_beside = rays;
