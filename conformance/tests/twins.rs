@@ -88,6 +88,7 @@ const CPU: Backend = Backend {
         ("sweep", "copy", PLANE),
         ("sweep", "border", PLANE),
         ("sweep", "mix", PLANE),
+        ("sweep", "packet", LANES),
         ("path", "run", MEMORY),
         ("evaluate", "run", MEMORY),
         ("evaluate", "total", LANES),
