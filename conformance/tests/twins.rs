@@ -154,7 +154,6 @@ const CPU: Backend = Backend {
         ("maximum", "gathered", COLUMNS),
         ("upsample", "small", BLOCKS),
         ("upsample", "first", BLOCKS),
-        ("upsample", "held", BLOCKS),
         ("field", "nearest", GROUPS),
         ("phase", "phase_value", SLICE),
         ("phase", "phase_size", SLICE),
