@@ -179,7 +179,7 @@ impl Plane {
 
     /// Takes plane `plane` of a direction: what its cells hold, and their radiance where it is there.
     #[inline(always)]
-    fn load(&mut self, inputs: &Inputs<'_>, direction: usize, plane: usize, light: Option<&[f32]>) {
+    fn load<S: Simd>(&mut self, inputs: &Inputs<'_>, direction: usize, plane: usize, light: Option<&[f32]>) {
         let p = inputs.p;
         let way = &inputs.directions[direction];
         let (cells, axis) = (p.count() as usize, way.axis as usize);
@@ -197,8 +197,8 @@ impl Plane {
             }
             if p.source_coefficients > 0 {
                 for channel in 0..p.channels as usize {
-                    let out = &mut self.source[channel * self.size + to..][..count];
-                    source(inputs, of, direction, channel, from, out);
+                    let out = &mut self.source[channel * self.size..][..self.size][to..];
+                    source::<S>(inputs, of, direction, channel, from..from + count, out);
                 }
             }
             let (from, stride) = (place(inputs.upright.pitch, row), inputs.upright.pitch[b]);
@@ -259,12 +259,12 @@ fn sweep<S: Simd>(inputs: &Inputs<'_>, direction: usize, steps: Range<u32>, ligh
         let Some(plane) = way.plane(cells, step) else { break };
         if step > 0 && step == steps.start {
             let last = way.plane(cells, step - 1).unwrap_or(plane);
-            before.load(inputs, direction, last as usize, Some(light));
+            before.load::<S>(inputs, direction, last as usize, Some(light));
             for part in before.radiance.chunks_exact_mut(before.size) {
                 border(part, before.pitch, before.cells, Some(p.boundary));
             }
         }
-        here.load(inputs, direction, plane as usize, None);
+        here.load::<S>(inputs, direction, plane as usize, None);
         advance::<S>(inputs, way, step == 0, &before, &mut here);
         let (count, axis) = (p.count() as usize, way.axis as usize);
         let pitch = [1, p.cells[0] as usize, (p.cells[0] * p.cells[1]) as usize];
@@ -373,19 +373,37 @@ fn load<S: Simd>(values: &[f32], at: usize) -> F<S> {
     F::of(*values)
 }
 
-/// The source function of a row of cells, from the first on.
+/// The source function of a row of so many cells, from the first on; what is written behind them means nothing.
 #[inline(always)]
-fn source(inputs: &Inputs<'_>, of: Cells<'_>, direction: usize, channel: usize, first: usize, out: &mut [f32]) {
+fn source<S: Simd>(
+    inputs: &Inputs<'_>,
+    of: Cells<'_>,
+    direction: usize,
+    channel: usize,
+    row: Range<usize>,
+    out: &mut [f32],
+) {
     let p = inputs.p;
-    let (cells, count) = (p.count() as usize, p.source_coefficients as usize);
+    let (cells, channels) = (p.count() as usize, p.channels as usize);
+    let count = p.source_coefficients as usize;
     let weights = &inputs.source_weights[direction * count..][..count];
-    out.fill(0.0);
-    for (k, weight) in weights.iter().enumerate() {
-        let moments = &of.sources[(k * p.channels as usize + channel) * cells + first..][..out.len()];
-        out.iter_mut().zip(moments).for_each(|(out, moment)| *out += weight * moment);
+    for (first, out) in row.step_by(LANES).zip(out.chunks_exact_mut(LANES)) {
+        let mut sum = F::<S>::ZERO;
+        for (k, weight) in weights.iter().enumerate() {
+            sum = sum + packet(of.sources, (k * channels + channel) * cells + first) * *weight;
+        }
+        out.copy_from_slice(&(sum * packet(of.optics, (3 + channel) * cells + first)).0);
     }
-    let albedo = &of.optics[(3 + channel) * cells + first..][..out.len()];
-    out.iter_mut().zip(albedo).for_each(|(out, albedo)| *out *= albedo);
+}
+
+/// Sixteen values, or as many as there are.
+#[inline(always)]
+fn packet<S: Simd>(values: &[f32], at: usize) -> F<S> {
+    let values = &values[at..];
+    match values.first_chunk() {
+        Some(whole) => F::of(*whole),
+        None => F::of(lanes!(i => if i < values.len() { values[i] } else { 0.0 })),
+    }
 }
 
 /// One value of the moments of some cells from `start` on: what the batches before left, and the directions of this one.
