@@ -501,42 +501,46 @@ fn visibility<S: Simd>(
 fn mapped<S: Simd>(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident<S>, at: [F<S>; 3], lit: M<S>) -> F<S> {
     let (p, side) = (inputs.p, inputs.p.map_side as usize);
     let parallel = record.position[3] == 0.0;
-    let v = if parallel { at } else { triple!(a => -(light.distance * light.toward[a])) };
-    let mut sum = F::ONE;
-    for i in 0..LANES {
-        if !lit.lane(i) {
-            continue;
-        }
-        let v = triple!(a => v[a].0[i]);
-        let n = if parallel || record.cone[3] > 0.0 { 0 } else { side_of(v) };
-        let of = face(record, n, p.mesh_eye[3]);
-        let along = |axis: [f32; 3]| v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2];
-        let mut depth = along(of.forward);
-        let mut place = [along(of.right) / of.half_width, along(of.up) / of.half_width];
+    let first = record.power[3] as usize * side;
+    let (mut faces, mut within) = ([0; LANES], M::ALL);
+    let (depth, mut place);
+    if parallel || record.cone[3] > 0.0 {
+        let of = face(record, 0, p.mesh_eye[3]);
+        let v = if parallel { at } else { triple!(a => -(light.distance * light.toward[a])) };
+        let along = dot(v, triple!(a => F::splat(of.forward[a])));
+        let x = dot(v, triple!(a => F::splat(of.right[a]))) / of.half_width;
+        let y = dot(v, triple!(a => F::splat(of.up[a]))) / of.half_width;
+        (depth, place) = (if parallel { along + p.mesh_eye[3] } else { along }, [x, y]);
         if parallel {
-            depth += p.mesh_eye[3];
-            if place[0].abs().max(place[1].abs()) > 1.0 {
-                continue;
-            }
-        } else {
-            place = place.map(|x| x / depth.max(1e-30));
+            within = F::ONE.ge(x.abs().max(y.abs()));
         }
-        let last = side as f32 - 1.0;
-        let q = place.map(|x| ((x * 0.5 + 0.5) * side as f32 - 0.5).max(0.0).min(last));
-        let low = q.map(|x| x as usize);
-        let f = [q[0] - low[0] as f32, q[1] - low[1] as f32];
-        let first = (record.power[3] as usize + n) * side;
-        sum.0[i] = 0.0;
-        for k in 0..4 {
-            let high = [k & 1, k >> 1];
-            let across = if high[0] == 1 { f[0] } else { 1.0 - f[0] };
-            let down = if high[1] == 1 { f[1] } else { 1.0 - f[1] };
-            let (x, y) = ((low[0] + high[0]).min(side - 1), (low[1] + high[1]).min(side - 1));
-            let held = inputs.shadow_map[(first + y) * side + x];
-            sum.0[i] += if depth <= held { across * down } else { 0.0 };
-        }
+    } else {
+        let v = triple!(a => -(light.distance * light.toward[a]));
+        faces = lanes!(i => side_of(triple!(a => v[a].0[i])));
+        let along = |n: usize| F::of(lanes!(i => v[(faces[i] / 2 + n) % 3].0[i]));
+        (depth, place) = (along(0).abs(), [along(1), along(2)]);
     }
-    sum
+    if !parallel {
+        let ahead = depth.max(F::splat(1e-30));
+        place = [place[0] / ahead, place[1] / ahead];
+    }
+    let top = F::splat(side as f32 - 1.0);
+    let x = ((place[0] * 0.5 + 0.5) * side as f32 - 0.5).max(F::ZERO).min(top);
+    let y = ((place[1] * 0.5 + 0.5) * side as f32 - 0.5).max(F::ZERO).min(top);
+    let (column, row) = (x.to_int(), y.to_int());
+    let (fx, fy) = (x - column.to_float(), y - row.to_float());
+    let mut sum = F::ZERO;
+    for k in 0..4 {
+        let (right, below) = (k & 1, k >> 1);
+        let across = if right == 1 { fx } else { F::ONE - fx };
+        let down = if below == 1 { fy } else { F::ONE - fy };
+        let held = F::of(lanes!(i => {
+            let (x, y) = ((column.0[i] as usize + right).min(side - 1), (row.0[i] as usize + below).min(side - 1));
+            inputs.shadow_map[(first + faces[i] * side + y) * side + x]
+        }));
+        sum = sum + held.ge(depth).select(across * down, F::ZERO);
+    }
+    lit.and(within).select(sum, F::ONE)
 }
 
 /// The field toward four lights; zero without one.
