@@ -145,6 +145,7 @@ const CPU: Backend = Backend {
         ("field", "packet", LANES),
         ("field", "places", GROUPS),
         ("field", "group", GROUPS),
+        ("field", "sums", GROUPS),
         ("field", "add", GROUPS),
         ("field", "channel", GROUPS),
         ("field", "between", GROUPS),

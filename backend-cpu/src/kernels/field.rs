@@ -3,7 +3,7 @@
 use airlight_core::device::{BrickLayout, FieldSpec, Layout};
 
 use crate::held::{Bricks, Held, Pairs};
-use crate::packet::{F, I, LANES, M, each, lerp, triple};
+use crate::packet::{F, I, LANES, M, apart, each, lerp, triple};
 use crate::simd::Simd;
 
 /// Texels of four values in layers, which are fastest; looked up one point at a time.
@@ -49,13 +49,7 @@ impl<'a> Colors<'a> {
     /// RGB of the first layer around each lane's point; zero in lanes that are not active.
     #[inline(always)]
     pub(crate) fn packet<S: Simd>(&self, p: [F<S>; 3], active: M<S>) -> [F<S>; 3] {
-        let (places, mut found, mut left) = (self.places(p, true), [F::ZERO; 3], active);
-        while left.any() {
-            let group = self.group(&places, left);
-            group.add(&places, 0, F::ONE, &mut found);
-            left = left.and(group.lanes.not());
-        }
-        found
+        self.sums(&self.places(p, true), 0, &[F::ONE], active)
     }
 
     #[inline(always)]
@@ -101,8 +95,8 @@ pub(crate) struct Places<S> {
 }
 
 /// Lanes whose lookups fall between the same texels.
-pub(crate) struct Group<'a, S> {
-    pub(crate) lanes: M<S>,
+struct Group<'a, S> {
+    lanes: M<S>,
     /// Whether they are so few that one by one is faster.
     few: bool,
     place: Place<'a>,
@@ -127,9 +121,47 @@ impl<'a> Colors<'a> {
         }
     }
 
+    /// Layers from `first` on, times a weight each, added up: all channels but the last ones, in `lanes`; zero elsewhere.
+    #[inline(always)]
+    pub(crate) fn sums<S: Simd, const CHANNELS: usize>(
+        &self,
+        places: &Places<S>,
+        first: usize,
+        weights: &[F<S>],
+        lanes: M<S>,
+    ) -> [F<S>; CHANNELS] {
+        let (mut sums, mut left) = ([F::ZERO; CHANNELS], lanes);
+        // Vectors of lanes that are looked up one by one, which become packets all at once.
+        let (mut alone, mut vectors) = (M::NONE, [[0.0; 4]; LANES]);
+        while left.any() {
+            let group = self.group(places, left);
+            left = left.and(group.lanes.not());
+            if group.few {
+                alone = alone.or(group.lanes);
+                let mut bits = group.lanes.bits();
+                while bits != 0 {
+                    let i = bits.trailing_zeros() as usize;
+                    bits &= bits - 1;
+                    vectors[i] = group.single(places, first, weights, i);
+                }
+            } else {
+                let mut k = 0;
+                while k < weights.len() {
+                    group.add(places, first + k, weights[k], &mut sums);
+                    k += 1;
+                }
+            }
+        }
+        if alone.any() {
+            let vectors = apart(vectors);
+            sums = each!(c in CHANNELS, F::ZERO => alone.select(vectors[c], sums[c]));
+        }
+        sums
+    }
+
     /// The first of the lanes `left` and those that fall between the same texels.
     #[inline(always)]
-    pub(crate) fn group<S: Simd>(&self, places: &Places<S>, left: M<S>) -> Group<'a, S> {
+    fn group<S: Simd>(&self, places: &Places<S>, left: M<S>) -> Group<'a, S> {
         /// Up to so many lanes one by one take less than a packet.
         const FEW: u32 = 2;
         let first = left.bits().trailing_zeros() as usize % LANES;
@@ -148,27 +180,27 @@ impl<'a> Colors<'a> {
 }
 
 impl<S: Simd> Group<'_, S> {
+    /// The sum of layers from `first` on, times a weight each, in lane `i`.
+    #[inline(always)]
+    fn single(&self, places: &Places<S>, first: usize, weights: &[F<S>], i: usize) -> [f32; 4] {
+        let place = Place { f: triple!(a => places.f[a].0[i]), ..self.place };
+        let (mut sum, mut k) = ([0.0; 4], 0);
+        while k < weights.len() {
+            let (texel, weight) = (place.layer(first + k), weights[k].0[i]);
+            sum = [
+                sum[0] + weight * texel[0],
+                sum[1] + weight * texel[1],
+                sum[2] + weight * texel[2],
+                sum[3] + weight * texel[3],
+            ];
+            k += 1;
+        }
+        sum
+    }
+
     /// Adds a layer times a weight to the group's lanes of `out`.
     #[inline(always)]
-    pub(crate) fn add<const CHANNELS: usize>(
-        &self,
-        places: &Places<S>,
-        layer: usize,
-        weight: F<S>,
-        out: &mut [F<S>; CHANNELS],
-    ) {
-        if self.few {
-            let mut left = self.lanes.bits();
-            while left != 0 {
-                let i = left.trailing_zeros() as usize;
-                left &= left - 1;
-                let texel = Place { f: triple!(a => places.f[a].0[i]), ..self.place }.layer(layer);
-                for c in 0..CHANNELS {
-                    out[c].0[i] += weight.0[i] * texel[c];
-                }
-            }
-            return;
-        }
+    fn add<const CHANNELS: usize>(&self, places: &Places<S>, layer: usize, weight: F<S>, out: &mut [F<S>; CHANNELS]) {
         let corner = |j: usize, k: usize| self.place.z[k] + self.place.y[j] + layer;
         let at = |start: usize, i: usize| self.place.texels[start + self.place.x[i]];
         let corners = [

@@ -410,14 +410,10 @@ fn layered<S: Simd>(
     dense: M<S>,
     light: &mut [F<S>; 3],
 ) {
-    let mut left = dense;
-    while left.any() {
-        let group = field.group(places, left);
-        for k in 0..layers as usize {
-            group.add(places, k, if layers == 1 { F::ONE } else { basis[k] }, light);
-        }
-        left = left.and(group.lanes.not());
-    }
+    let one = [F::ONE];
+    let weights = if layers == 1 { &one } else { &basis[..layers as usize] };
+    let sums: [F<S>; 3] = field.sums(places, 0, weights, dense);
+    *light = triple!(c => light[c] + sums[c]);
 }
 
 /// J from each light, added to `light`.
@@ -546,16 +542,10 @@ fn mapped<S: Simd>(inputs: &Inputs<'_>, record: &LightRecord, light: &Incident<S
 /// The field toward four lights; zero without one.
 #[inline(always)]
 fn light_depths<S: Simd>(inputs: &Inputs<'_>, at: [F<S>; 3], dense: M<S>, layer: usize) -> [F<S>; 4] {
-    let mut depths = [F::ZERO; 4];
-    let Some(field) = inputs.light_depth.filter(|_| inputs.p.shadow >= shadow_kind::COLUMN) else { return depths };
+    let field = inputs.light_depth.filter(|_| inputs.p.shadow >= shadow_kind::COLUMN);
+    let Some(field) = field else { return [F::ZERO; 4] };
     let place = triple!(a => (at[a] + 0.5) * inputs.p.light_cells_per_voxel[a] - 0.5);
-    let (places, mut left) = (field.places(place, true), dense);
-    while left.any() {
-        let group = field.group(&places, left);
-        group.add(&places, layer, F::ONE, &mut depths);
-        left = left.and(group.lanes.not());
-    }
-    depths
+    field.sums(&field.places(place, true), layer, &[F::ONE], dense)
 }
 
 /// What the medium does to light at a point, per channel.
