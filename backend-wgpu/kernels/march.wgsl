@@ -331,7 +331,7 @@ fn visibility(record: LightRecord, light: Incident, d: vec3<f32>, t: f32) -> f32
     let at = params.mesh_eye.xyz + t * d;
     if has_mesh && params.surface_shadow == SURFACE_SHADOW_RAY {
         let free = light.distance - MESH_MARGIN * extent;
-        return select(1.0, 0.0, blocked(line(at, light.toward), free, 0u));
+        return select(1.0, 0.0, blocked(line(at, light.toward), free, 0u, params.nodes));
     }
     if has_shadow_map && params.surface_shadow == SURFACE_SHADOW_MAP {
         return mapped(record, light, at);
