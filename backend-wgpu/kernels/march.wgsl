@@ -31,8 +31,10 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     }
     let block = launch.start + n;
     let across = (params.width + BLOCK - 1u) / BLOCK;
-    let x = block % across * BLOCK + lane.x;
-    let y = block / across * BLOCK + lane.y;
+    // Packets of eight invocations that follow each other take two rows of four pixels, whose rays lie closer than those of a row.
+    const HALF: u32 = BLOCK / 2u;
+    let x = block % across * BLOCK + lane.y % 2u * HALF + lane.x % HALF;
+    let y = block / across * BLOCK + lane.y / 2u * 2u + lane.x / HALF;
     if x >= params.width || y >= params.height {
         return;
     }
