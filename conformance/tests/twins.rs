@@ -189,6 +189,7 @@ const WGPU: Backend = Backend {
         ("evaluate", "moments", "eight rows share the light where drivers run on processors"),
         ("evaluate", "four", "rows that share the light"),
         ("evaluate", "keep", "rows that share the light"),
+        ("project", "near", "cells of a packet whose rays lie close"),
         ("classify", "write", "four voxels share the control points and where they are"),
     ],
     lacks: &[],
