@@ -16,17 +16,14 @@ fn face(light: LightRecord, n: u32, extent: f32) -> Face {
         let way = line(vec3<f32>(0.0), select(light.axis.xyz, -light.position.xyz, parallel));
         return Face(way.direction, way.u, way.v, select(light.cone.w, extent, parallel));
     }
-    var axes = Face(vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), 1.0);
-    let a = n / 2u;
-    axes.forward[a] = select(1.0, -1.0, n % 2u == 1u);
-    axes.right[(a + 1u) % 3u] = 1.0;
-    axes.up[(a + 2u) % 3u] = 1.0;
-    return axes;
+    // Along one axis each, selected, for drivers to which an index is a place in memory.
+    let along = vec3<f32>(vec3<u32>(n / 2u) == vec3<u32>(0u, 1u, 2u));
+    return Face(select(along, -along, n % 2u == 1u), along.zxy, along.yzx, 1.0);
 }
 
 // The face of six that a direction falls on.
 fn side_of(v: vec3<f32>) -> u32 {
     let w = abs(v);
     let a = select(select(2u, 1u, w.y >= w.z), 0u, w.x >= w.y && w.x >= w.z);
-    return 2u * a + select(0u, 1u, v[a] < 0.0);
+    return 2u * a + select(0u, 1u, dot(v, vec3<f32>(vec3<u32>(a) == vec3<u32>(0u, 1u, 2u))) < 0.0);
 }

@@ -43,7 +43,7 @@ fn arriving(record: LightRecord, light: Incident, at: vec3<f32>, index: vec3<f32
     }
     if params.visibility == 1u {
         let margin = MESH_MARGIN * params.mesh_eye.w;
-        if blocked(line(at + params.mesh_eye.xyz, light.toward), light.distance - margin, 0u) {
+        if blocked(line(at + params.mesh_eye.xyz, light.toward), light.distance - margin, 0u, params.nodes) {
             return vec3<f32>(0.0);
         }
     }

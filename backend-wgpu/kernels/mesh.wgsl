@@ -57,16 +57,16 @@ fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
     return found;
 }
 
-// Whether a triangle of boxes from `begin` on stands within `limit` metres.
-fn blocked(way: Line, limit: f32, begin: u32) -> bool {
+// Whether a triangle of boxes `begin` to `end` stands within `limit` metres.
+fn blocked(way: Line, limit: f32, begin: u32, end: u32) -> bool {
     var stands = false;
     var node = begin;
-    while node < params.nodes {
+    while node < end {
         var leaf = 0u;
         loop {
             leaf = visited(way, &node, limit);
             continuing {
-                break if node >= params.nodes || (leaf & MESH_COUNT_MASK) != 0u;
+                break if node >= end || (leaf & MESH_COUNT_MASK) != 0u;
             }
         }
         let first = leaf >> MESH_COUNT_BITS;
@@ -75,23 +75,24 @@ fn blocked(way: Line, limit: f32, begin: u32) -> bool {
             stands = stands || (at.x >= 0.0 && at.x < limit);
         }
         if stands {
-            node = params.nodes;
+            node = end;
         }
     }
     return stands;
 }
 
-// The first box of triangles that reaches into that from `lower` to `upper`; the number of boxes where none does.
-fn first_within(lower: vec3<f32>, upper: vec3<f32>) -> u32 {
+// The first box of triangles that reaches into that from `lower` to `upper`, and the one past the last; the number of boxes and
+// none where none does.
+fn first_within(lower: vec3<f32>, upper: vec3<f32>) -> vec2<u32> {
     var node = 0u;
-    var found = params.nodes;
+    var found = vec2<u32>(params.nodes, 0u);
     while node < params.nodes {
         let low = read_mesh(2u * node);
         let high = read_mesh(2u * node + 1u);
         let meets = all(lower <= vec3<f32>(high.x, high.y, high.z)) && all(upper >= vec3<f32>(low.x, low.y, low.z));
-        let last = meets && (high.number & MESH_COUNT_MASK) != 0u;
-        found = select(found, node, last);
-        node = select(select(low.number, node + 1u, meets), params.nodes, last);
+        let triangles = meets && (high.number & MESH_COUNT_MASK) != 0u;
+        found = select(found, vec2<u32>(min(found.x, node), node + 1u), triangles);
+        node = select(low.number, node + 1u, meets);
     }
     return found;
 }

@@ -17,7 +17,7 @@ fn obstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
     }
     // Most cells have no triangle near. Where all neighbours are asked for at once, one of them is the cell itself, whose loops this
     // takes.
-    var begin = 0u;
+    var boxes = vec2<u32>(0u, params.nodes);
     if params.neighbor_end - params.neighbor_begin == NEIGHBORS {
         let reach = vec3<f32>(
             dot(abs(params.world_x.xyz), params.cell.xyz),
@@ -26,16 +26,16 @@ fn obstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
         );
         // More than what rounding makes of the neighbours' places.
         let slack = 1e-3 * reach + 1e-6 * abs(origin);
-        begin = first_within(origin - reach - slack, origin + reach + slack);
+        boxes = first_within(origin - reach - slack, origin + reach + slack);
     }
-    let end = select(params.neighbor_end, params.neighbor_begin, begin >= params.nodes);
+    let end = select(params.neighbor_end, params.neighbor_begin, boxes.x >= params.nodes);
     for (var bit = params.neighbor_begin; bit < end; bit++) {
         if bit == NEIGHBORS / 2u {
             continue;
         }
         let way = center(cell + vec3<f32>(vec3<u32>(bit % 3u, bit / 3u % 3u, bit / 9u)) - 1.0) - origin;
         let far = length(way);
-        if blocked(line(origin, way / far), far, begin) {
+        if blocked(line(origin, way / far), far, boxes.x, boxes.y) {
             word |= 1u << bit;
         }
     }

@@ -450,7 +450,7 @@ fn look(way: ptr<function, Way>, at: Spot, numbers: ptr<function, Draws>) -> boo
     }
     if has_mesh {
         let free = distance - MESH_MARGIN * params.mesh_eye.w;
-        if blocked(line(from_mesh((*way).place), toward), free, 0u) {
+        if blocked(line(from_mesh((*way).place), toward), free, 0u, params.nodes) {
             return false;
         }
     }

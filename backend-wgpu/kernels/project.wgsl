@@ -26,7 +26,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     let part = lane / CELLS;
     let n = begin + lane % CELLS;
     let last = launch.count - 1u;
-    let cell = launch.start + min(n, last);
+    let cell = near(launch.start + min(n, last));
     let place = cell - launch.first;
     let channels = max(params.channels, params.weight_channels);
     let values = params.coefficients * channels;
@@ -53,7 +53,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         occupied = read_occupancy(place).y > 0.0;
         any = false;
         for (var i = 0u; i < CELLS; i++) {
-            any = any || read_occupancy(launch.start + min(begin + i, last) - launch.first).y > 0.0;
+            any = any || read_occupancy(near(launch.start + min(begin + i, last)) - launch.first).y > 0.0;
         }
     }
     if any {
@@ -96,6 +96,21 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
             emission_records[place * glow_values + v - values] = sums[slot];
         }
     }
+}
+
+// The cell that a unit of the work takes. Where a workgroup takes eight they are two along each axis, whose rays lie closer than
+// those of a row, in two layers that are all there and of even sides.
+fn near(unit: u32) -> u32 {
+    let across = params.cells.x;
+    let layer = across * params.cells.y;
+    let first = unit - unit % (2u * layer);
+    let there = first >= launch.start && launch.start + launch.count - first >= 2u * layer;
+    if CELLS < 8u || !there || ((across | params.cells.y) & 1u) > 0u {
+        return unit;
+    }
+    let rows = divide(unit - first, 4u * across);
+    let n = rows.y;
+    return first + rows.x * 2u * across + n / 8u * 2u + n % 2u + n / 2u % 2u * across + n / 4u % 2u * layer;
 }
 
 // Marches along a direction, and keeps what comes of it in the workgroup's memory.

@@ -43,7 +43,7 @@ fn reflected(i: u32, d: vec3<f32>, hit: vec4<f32>, facet: vec4<f32>) -> vec3<f32
     if params.visibility == 1u {
         let margin = MESH_MARGIN * params.mesh_eye.w;
         let at = params.mesh_eye.xyz + hit.w * d + margin * facet.xyz;
-        if blocked(line(at, light.toward), light.distance - margin, 0u) {
+        if blocked(line(at, light.toward), light.distance - margin, 0u, params.nodes) {
             return vec3<f32>(0.0);
         }
     }

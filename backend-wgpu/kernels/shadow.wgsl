@@ -8,7 +8,9 @@ fn shadow(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     }
     let texel = launch.start + n;
     let out = texel - launch.first;
-    let number = texel / (params.side * params.side);
+    let found = divide(texel, params.side * params.side);
+    let number = found.x;
+    let row = divide(found.y, params.side);
     // The light whose face it is.
     var i = 0u;
     while i + 1u < params.lights && u32(read_lights(i + 1u).power.w) <= number {
@@ -16,21 +18,18 @@ fn shadow(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     }
     let light = read_lights(i);
     let plane = face(light, number - u32(light.power.w), params.extent);
-    let x = (f32(texel % params.side) + 0.5) * (2.0 / f32(params.side)) - 1.0;
-    let y = (f32(texel / params.side % params.side) + 0.5) * (2.0 / f32(params.side)) - 1.0;
+    let x = (f32(row.y) + 0.5) * (2.0 / f32(params.side)) - 1.0;
+    let y = (f32(row.x) + 0.5) * (2.0 / f32(params.side)) - 1.0;
     let across = plane.half_width * (x * plane.right + y * plane.up);
-    var reach = FAR;
-    if light.position.w == 0.0 {
-        let origin = across - params.extent * plane.forward;
-        reach = nearest(line(origin, plane.forward), 0.0, FAR, params.node_begin, params.node_end).distance;
-    } else {
-        let toward = plane.forward + across;
-        let size = length(toward);
-        let way = line(light.position.xyz, toward / size);
-        let least = MESH_MARGIN * params.extent;
-        let hit = nearest(way, least, FAR, params.node_begin, params.node_end);
-        reach = select(FAR, hit.distance / size, hit.distance < FAR);
-    }
+    // One way for both, for drivers that run both sides of a condition.
+    let parallel = light.position.w == 0.0;
+    let toward = plane.forward + across;
+    let size = select(length(toward), 1.0, parallel);
+    let origin = select(light.position.xyz, across - params.extent * plane.forward, parallel);
+    let way = line(origin, select(toward / size, plane.forward, parallel));
+    let least = select(MESH_MARGIN * params.extent, 0.0, parallel);
+    let hit = nearest(way, least, FAR, params.node_begin, params.node_end);
+    var reach = select(FAR, hit.distance / size, hit.distance < FAR);
     if params.node_begin > 0u {
         reach = min(reach, shadow_map[out]);
     }

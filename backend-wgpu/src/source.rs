@@ -245,7 +245,7 @@ impl Source {
             + &ordered(known.is_some())
             + &WGSL.integer("UNITS", units);
         prelude += &WGSL.truth("GATHERS", gathers);
-        // On processors four rows of `evaluate` share the light.
+        // On processors eight rows of `evaluate` share the light.
         prelude += &WGSL.truth("SHARES", known.is_some());
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });

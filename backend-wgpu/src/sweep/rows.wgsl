@@ -48,15 +48,19 @@ fn sweep_rows(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     let steps = params.cells.w + 1u;
     let first = launch.first / steps * params.batch;
     let cells = params.cells.xyz;
-    let fours = (cells + 3u) / 4u;
-    let twos = (cells + 1u) / 2u;
     // Found once: drivers take nothing out of loops.
     let course = through(read_directions(first + n));
-    let items = max(max(fours.x * twos.y, fours.x * twos.z), fours.y * twos.z);
+    let items = (course.size.y + 3u) / 4u * ((course.size.z + 1u) / 2u);
     for (var step = launch.first; step < launch.past; step++) {
         if n < launch.count {
-            for (var item = 0u; item < items; item += UNITS) {
+            var item = 0u;
+            // Asked at its end: drivers run a loop once more after what is asked at its begin.
+            loop {
                 advance(course, n, step % steps, item + lane);
+                continuing {
+                    item += UNITS;
+                    break if item >= items;
+                }
             }
         }
         // Each plane sees the one before it.
