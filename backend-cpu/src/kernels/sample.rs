@@ -24,6 +24,16 @@ pub(crate) enum Ahead {
     Dense(f32),
 }
 
+/// Where a packet of rays is sampled, and its way through the blocks of an occupancy: what does not change along it.
+pub(crate) struct Samples<S> {
+    /// Where the first sample lies, and from there to the next one, in index space.
+    origin: [F<S>; 3],
+    stride: [F<S>; 3],
+    /// The first sample beyond what block n along an axis shows is n `wide` behind `leave`.
+    wide: [F<S>; 3],
+    leave: [F<S>; 3],
+}
+
 impl<S: Simd> Samples<S> {
     /// Where sample `k` lies.
     #[inline(always)]
@@ -64,16 +74,6 @@ impl<'a> Occupancy<'a> {
         }
         Ahead::Empty(active.select(beyond, F::splat(f32::INFINITY)).min_lane().max(k + 1.0))
     }
-}
-
-/// Where a packet of rays is sampled, and its way through the blocks of an occupancy: what does not change along it.
-pub(crate) struct Samples<S> {
-    /// Where the first sample lies, and from there to the next one, in index space.
-    origin: [F<S>; 3],
-    stride: [F<S>; 3],
-    /// The first sample beyond what block n along an axis shows is n `wide` behind `leave`.
-    wide: [F<S>; 3],
-    leave: [F<S>; 3],
 }
 
 /// A packet of rays in index space, cut into equal steps.
