@@ -121,7 +121,7 @@ impl<'a> Colors<'a> {
         }
     }
 
-    /// Layers from `first` on, times a weight each, added up: all channels but the last ones, in `lanes`; zero elsewhere.
+    /// Layers from `first` on, times a weight each, added up: the first channels of them in `lanes`, zero elsewhere.
     #[inline(always)]
     pub(crate) fn sums<S: Simd, const CHANNELS: usize>(
         &self,
