@@ -66,9 +66,9 @@ pub struct Reduce {
 impl Reduce {
     /// Voxels by which the maximum looks further than exact arithmetic would need to.
     pub const SLACK: f32 = 1.0 / 64.0;
-    /// How many voxels beyond a cell of whole voxels whose maximum is zero all lookups are zero as well: nearly half of
-    /// one, for the nearest voxel that the maximum does not cover lies half a voxel beyond its nearest lookup that is not
-    /// zero. What remains of the half is for rounding.
+    /// How many voxels beyond a cell of whole voxels whose exact maximum is zero all lookups are zero as well. The nearest
+    /// voxel that the maximum does not cover lies one and a half beyond the wall, and shows in lookups less than one
+    /// away: that leaves half a voxel, of which the last sixteenth is for rounding.
     pub const BEYOND: f32 = 7.0 / 16.0;
     /// `row_end` of the last pass.
     pub const ALL_ROWS: u32 = u32::MAX;
