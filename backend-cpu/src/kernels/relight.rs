@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, lanes, triple};
+use crate::packet::{F, I, LANES, lanes, together, triple};
 use crate::simd::Simd;
 
 /// Cells that one task takes.
@@ -48,20 +48,27 @@ pub(crate) fn run(stage: &Relight, range: Range<u32>, memory: &mut Memory<'_>, i
 fn relight<S: Simd>(inputs: Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
     let p = inputs.p;
     let layers = p.layers as usize;
+    let record_pitch = if p.planar == 1 { 1 } else { (p.coefficients * p.channels) as usize };
     for (n, out) in out.chunks_mut(LANES * layers).enumerate() {
-        let cells = first + n * LANES..first + n * LANES + out.len() / layers;
+        let (first, count) = (first + n * LANES, out.len() / layers);
+        let cells = Cells::<S>::new(first, count, record_pitch);
+        let glowing = Cells::<S>::new(first, count, 3 * p.emission_coefficients as usize);
         if layers == 1 {
-            let mut sum = [F::<S>::ZERO; 3];
+            let mut sum = [F::ZERO; 3];
             for (k, light) in inputs.light.iter().enumerate() {
                 let record = record(inputs, &cells, k);
                 sum = triple!(c => sum[c] + record[c] * light[c]);
             }
-            let glow = glow(inputs, &cells, 0);
+            let glow = glow(inputs, &glowing, 0);
             sum = triple!(c => sum[c] + glow[c] * p.emission_weight);
-            lay(&sum, out, 0, 1);
+            let vectors = together([sum[0], sum[1], sum[2], F::ZERO]);
+            match out.as_mut_array::<LANES>() {
+                Some(out) => *out = vectors,
+                None => out.copy_from_slice(&vectors[..count]),
+            }
         } else {
             for (layer, light) in inputs.light.iter().enumerate().take(layers) {
-                let (record, glow) = (record::<S>(inputs, &cells, layer), glow::<S>(inputs, &cells, layer));
+                let (record, glow) = (record(inputs, &cells, layer), glow(inputs, &glowing, layer));
                 lay(&triple!(c => (record[c] + glow[c]) * light[c]), out, layer, layers);
             }
         }
@@ -78,35 +85,54 @@ fn lay<S: Simd>(values: &[F<S>; 3], out: &mut [[f32; 4]], layer: usize, layers: 
 
 /// Coefficient `k` of the records of up to sixteen cells; a record of one channel serves all three.
 #[inline(always)]
-fn record<S: Simd>(inputs: Inputs<'_>, cells: &Range<usize>, k: usize) -> [F<S>; 3] {
+fn record<S: Simd>(inputs: Inputs<'_>, cells: &Cells<S>, k: usize) -> [F<S>; 3] {
     let p = inputs.p;
-    let (channels, all) = (p.channels as usize, p.cells as usize);
-    let pitch = if p.planar == 1 { 1 } else { p.coefficients as usize * channels };
-    let of = |c: usize| {
-        let from = if p.planar == 1 { (k * channels + c) * all } else { k * channels + c };
-        strided(&inputs.records[from + cells.start * pitch..], pitch, cells.len())
-    };
+    let (channels, plane) = (p.channels as usize, if p.planar == 1 { p.cells as usize } else { 1 });
+    let of = |c: usize| cells.values(inputs.records, (k * channels + c) * plane);
     let first = of(0);
     if channels == 1 { [first; 3] } else { [first, of(1), of(2)] }
 }
 
 /// Coefficient `k` of the moments of the cells' emission.
 #[inline(always)]
-fn glow<S: Simd>(inputs: Inputs<'_>, cells: &Range<usize>, k: usize) -> [F<S>; 3] {
-    let pitch = 3 * inputs.p.emission_coefficients as usize;
-    if pitch == 0 {
+fn glow<S: Simd>(inputs: Inputs<'_>, cells: &Cells<S>, k: usize) -> [F<S>; 3] {
+    if inputs.p.emission_coefficients == 0 {
         return [F::ZERO; 3];
     }
-    triple!(c => strided(&inputs.emission_records[3 * k + c + cells.start * pitch..], pitch, cells.len()))
+    triple!(c => cells.values(inputs.emission_records, 3 * k + c))
 }
 
-/// The first value and each so many behind the one before, `count` of them; in lanes behind those the last one.
-#[inline(always)]
-fn strided<S: Simd>(values: &[f32], pitch: usize, count: usize) -> F<S> {
-    let last = (count - 1) * pitch;
-    assert!(last < values.len() && LANES * pitch <= i32::MAX as usize);
-    let at = lanes!(i => (i * pitch).min(last) as i32);
-    // SAFETY: no offset is larger than the last, which was just checked.
-    #[allow(unsafe_code)]
-    F::of(unsafe { S::one(values, at) })
+/// Where up to sixteen cells have what lies so many floats behind that of the cell before.
+struct Cells<S> {
+    first: usize,
+    /// From the first cell to each; in lanes behind the last cell that one.
+    at: I<S>,
+    /// From the first cell to the last.
+    last: usize,
+    /// Whether cells lie one behind the other.
+    run: bool,
+}
+
+impl<S: Simd> Cells<S> {
+    #[inline(always)]
+    fn new(first: usize, count: usize, pitch: usize) -> Self {
+        let last = (count - 1) * pitch;
+        assert!(LANES * pitch <= i32::MAX as usize);
+        Self { first: first * pitch, at: I::of(lanes!(i => (i * pitch).min(last) as i32)), last, run: pitch == 1 }
+    }
+
+    /// The values of the cells, of which that of cell 0 lies at `from`.
+    #[inline(always)]
+    fn values(&self, values: &[f32], from: usize) -> F<S> {
+        let values = &values[from + self.first..];
+        if self.run
+            && let Some(run) = values.first_chunk::<LANES>()
+        {
+            return F::of(*run);
+        }
+        assert!(self.last < values.len());
+        // SAFETY: no offset is larger than the last, which was just checked.
+        #[allow(unsafe_code)]
+        F::of(unsafe { S::one(values, self.at.0) })
+    }
 }
