@@ -7,8 +7,23 @@ typedef struct {
     F3 second;
 } Control;
 
+// Control points up to which packets go through all of them for each number, in place of looking up each lane's own.
+#define FEW (WIDTH == 1 ? 0u : 16u)
+
+// Two neighbouring points of each lane.
+typedef struct {
+    F value;
+    // How many points there are, and where the two begin among their floats.
+    uint count;
+    I a;
+    I b;
+    // How far the value is on its way between them.
+    F part;
+} Between;
+
 Control point(const Bound *bound, F value);
-INLINE F mixed(__global const float *numbers, I a, I b, F f);
+INLINE F2 both(__global const float *numbers, const Between *at, uint n);
+INLINE F mixed(__global const float *numbers, const Between *at, uint n);
 F3 color(const Bound *bound, const Control *p);
 
 void run_classify(const Bound *bound) {
@@ -48,26 +63,46 @@ Control point(const Bound *bound, F value) {
     }
     // A value, a density, a first colour from the fourth float on and a second from the eighth.
     __global const float *points = (__global const float *)bound->points;
-    I a = 12 * (max(below, (I)(1)) - 1);
-    I b = 12 * min(below, (I)((int)count - 1));
-    F start = fetch(points, a);
-    F width = fetch(points, b) - start;
+    Between at;
+    at.value = value;
+    at.count = count;
+    at.a = 12 * (max(below, (I)(1)) - 1);
+    at.b = 12 * min(below, (I)((int)count - 1));
+    F2 ends = both(points, &at, 0u);
+    F width = ends.y - ends.x;
     // Beyond the ends both are one point, and between them never.
-    F f = width > 0.0f ? (value - start) / width : (F)(0.0f);
+    at.part = width > 0.0f ? (value - ends.x) / width : (F)(0.0f);
     Control p;
-    p.density = mixed(points + 1, a, b, f);
-    p.first = f3(mixed(points + 4, a, b, f), mixed(points + 5, a, b, f), mixed(points + 6, a, b, f));
+    p.density = mixed(points, &at, 1u);
+    p.first = f3(mixed(points, &at, 4u), mixed(points, &at, 5u), mixed(points, &at, 6u));
     p.second = all3((float3)(0.0f));
     if (bound->params->dims.w == CLASSIFY_SEEN) {
-        p.second = f3(mixed(points + 8, a, b, f), mixed(points + 9, a, b, f), mixed(points + 10, a, b, f));
+        p.second = f3(mixed(points, &at, 8u), mixed(points, &at, 9u), mixed(points, &at, 10u));
     }
     return p;
 }
 
-// Between a number of two points.
-F mixed(__global const float *numbers, I a, I b, F f) {
-    F from = fetch(numbers, a);
-    return from + (fetch(numbers, b) - from) * f;
+// Number `n` of the two points.
+INLINE F2 both(__global const float *numbers, const Between *at, uint n) {
+    F2 found;
+    if (at->count > FEW) {
+        found.x = fetch(numbers + n, at->a);
+        found.y = fetch(numbers + n, at->b);
+        return found;
+    }
+    found.x = found.y = (F)(numbers[n]);
+    for (uint i = 0u; i < at->count; i++) {
+        M past = numbers[12u * i] <= at->value;
+        found.x = past ? numbers[12u * i + n] : found.x;
+        found.y = past ? numbers[12u * min(i + 1u, at->count - 1u) + n] : found.y;
+    }
+    return found;
+}
+
+// Number `n` between the two points.
+INLINE F mixed(__global const float *numbers, const Between *at, uint n) {
+    F2 ends = both(numbers, at, n);
+    return ends.x + (ends.y - ends.x) * at->part;
 }
 
 // The colour of a kind that has one.

@@ -207,7 +207,10 @@ const OPENCL: Backend = Backend {
         ("field", "between", GROUPS),
         ("segment", "decay", "packets do without a quotient where they can"),
         ("march", "cells_at", "an expression elsewhere"),
+        ("classify", "both", "lanes of packets lie between points of their own"),
         ("classify", "mixed", "a closure, or an operation on vectors, elsewhere"),
+        ("reconstruct", "whole", "a work-item takes several cells where it is a core's"),
+        ("reconstruct", "singles", "a work-item takes several cells where it is a core's"),
         ("trace", "places", LANES),
         ("march", "load", LANES),
         ("march", "full", "stands in several places of a packet's pixels"),
@@ -219,6 +222,7 @@ const OPENCL: Backend = Backend {
         ("sweep", "enter", PLANE),
         ("sweep", "lay", PLANE),
         ("sweep", "between", PLANE),
+        ("sweep", "summed", "four coefficients side by side, and the one that is left"),
     ],
     lacks: &[("field", "nearest", GROUPS)],
 };
