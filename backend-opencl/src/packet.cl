@@ -171,10 +171,10 @@ INLINE void together(F4 v, float4 *to) {
     vstore16(lanes.last, 1, (float *)to);
 }
 
-int any_lane(M m) {
+int or_of_lanes(M m) {
     int4 four = m.lo | m.hi;
     int2 two = four.lo | four.hi;
-    return (two.x | two.y) != 0;
+    return two.x | two.y;
 }
 
 float total(F v) {
@@ -226,11 +226,11 @@ INLINE void together(F4 v, float4 *to) {
     vstore16(high.last, 3, (float *)to);
 }
 
-int any_lane(M m) {
+int or_of_lanes(M m) {
     int8 eight = m.lo | m.hi;
     int4 four = eight.lo | eight.hi;
     int2 two = four.lo | four.hi;
-    return (two.x | two.y) != 0;
+    return two.x | two.y;
 }
 
 float total(F v) {
@@ -255,6 +255,17 @@ int largest_index(I v) {
 }
 
 #endif
+
+// LLVM asks a register of masks, where it is told what is asked.
+#ifdef __has_builtin
+#if __has_builtin(__builtin_reduce_or)
+#define or_of_lanes(m) __builtin_reduce_or(m)
+#endif
+#endif
+
+INLINE int any_lane(M m) {
+    return or_of_lanes(m) != 0;
+}
 
 #define smallest_lane(v) (-largest_lane(-(v)))
 
