@@ -1,29 +1,20 @@
 // `classify`: what the values of a grid mean. One work-item a packet of voxels.
 
-// What control points say of a value.
+// Control points up to which packets go through all of them, in place of looking up each lane's own.
+#define FEW (WIDTH == 1 ? 0u : 16u)
+
+// A control point of each lane, or what is between two.
 typedef struct {
+    F value;
     F density;
     F3 first;
     F3 second;
 } Control;
 
-// Control points up to which packets go through all of them for each number, in place of looking up each lane's own.
-#define FEW (WIDTH == 1 ? 0u : 16u)
-
-// Two neighbouring points of each lane.
-typedef struct {
-    F value;
-    // How many points there are, and where the two begin among their floats.
-    uint count;
-    I a;
-    I b;
-    // How far the value is on its way between them.
-    F part;
-} Between;
-
 Control point(const Bound *bound, F value);
-INLINE F2 both(__global const float *numbers, const Between *at, uint n);
-INLINE F mixed(__global const float *numbers, const Between *at, uint n);
+INLINE Control held(const Bound *bound, I n);
+INLINE Control chosen(const Bound *bound, M chosen, uint n, Control other);
+INLINE F3 mixed(F3 from, F3 to, F f);
 F3 color(const Bound *bound, const Control *p);
 
 void run_classify(const Bound *bound) {
@@ -41,10 +32,9 @@ void run_classify(const Bound *bound) {
         return;
     }
     // A slice's rows lie one behind the other.
-    I place = as_signed(elements(first, slice));
-    F value = texels_values(bound, place_values(bound, place, (I)(0), (I)((int)z), convert_int3(dims.xyz), 0));
-    Control p = point(bound, value);
     uint count = min((uint)WIDTH, slice - first);
+    F value = run_values(bound, (int3)((int)first, 0, (int)z), (int)count, convert_int3(dims.xyz));
+    Control p = point(bound, value);
     size_t out = (size_t)z * slice + first;
     if (dims.w < CLASSIFY_COLOR) {
         F reach = greater(greater(p.first.x, p.first.y), p.first.z);
@@ -57,52 +47,66 @@ void run_classify(const Bound *bound) {
 // What the control points say of values: linear between two, constant beyond the first and the last.
 Control point(const Bound *bound, F value) {
     uint count = bound->params->count;
-    I below = (I)(0);
-    for (uint i = 0u; i < count; i++) {
-        below = bound->points[i].place.x <= value ? below + 1 : below;
+    Control from;
+    Control to;
+    if (count <= FEW) {
+        M all = (M)(-1);
+        from = to = chosen(bound, all, 0u, from);
+        for (uint i = 0u; i < count; i++) {
+            M past = bound->points[i].place.x <= value;
+            from = chosen(bound, past, i, from);
+            to = chosen(bound, past, min(i + 1u, count - 1u), to);
+        }
+    } else {
+        I below = (I)(0);
+        for (uint i = 0u; i < count; i++) {
+            below = bound->points[i].place.x <= value ? below + 1 : below;
+        }
+        from = held(bound, max(below, (I)(1)) - 1);
+        to = held(bound, min(below, (I)((int)count - 1)));
     }
+    F width = to.value - from.value;
+    // Beyond the ends both are one point, and between them never.
+    F f = width > 0.0f ? (value - from.value) / width : (F)(0.0f);
+    Control p;
+    p.value = value;
+    p.density = from.density + (to.density - from.density) * f;
+    p.first = mixed(from.first, to.first, f);
+    p.second = mixed(from.second, to.second, f);
+    return p;
+}
+
+// The points of these numbers.
+INLINE Control held(const Bound *bound, I n) {
     // A value, a density, a first colour from the fourth float on and a second from the eighth.
     __global const float *points = (__global const float *)bound->points;
-    Between at;
-    at.value = value;
-    at.count = count;
-    at.a = 12 * (max(below, (I)(1)) - 1);
-    at.b = 12 * min(below, (I)((int)count - 1));
-    F2 ends = both(points, &at, 0u);
-    F width = ends.y - ends.x;
-    // Beyond the ends both are one point, and between them never.
-    at.part = width > 0.0f ? (value - ends.x) / width : (F)(0.0f);
     Control p;
-    p.density = mixed(points, &at, 1u);
-    p.first = f3(mixed(points, &at, 4u), mixed(points, &at, 5u), mixed(points, &at, 6u));
+    p.value = fetch(points, 12 * n);
+    p.density = fetch(points + 1, 12 * n);
+    p.first = f3(fetch(points + 4, 12 * n), fetch(points + 5, 12 * n), fetch(points + 6, 12 * n));
     p.second = all3((float3)(0.0f));
     if (bound->params->dims.w == CLASSIFY_SEEN) {
-        p.second = f3(mixed(points, &at, 8u), mixed(points, &at, 9u), mixed(points, &at, 10u));
+        p.second = f3(fetch(points + 8, 12 * n), fetch(points + 9, 12 * n), fetch(points + 10, 12 * n));
     }
     return p;
 }
 
-// Number `n` of the two points.
-INLINE F2 both(__global const float *numbers, const Between *at, uint n) {
-    F2 found;
-    if (at->count > FEW) {
-        found.x = fetch(numbers + n, at->a);
-        found.y = fetch(numbers + n, at->b);
-        return found;
+// One point in lanes that choose it, and another in the rest.
+INLINE Control chosen(const Bound *bound, M chosen, uint n, Control other) {
+    Control p;
+    p.value = chosen ? bound->points[n].place.x : other.value;
+    p.density = chosen ? bound->points[n].place.y : other.density;
+    p.first = pick3(chosen, all3(bound->points[n].first.xyz), other.first);
+    p.second = all3((float3)(0.0f));
+    if (bound->params->dims.w == CLASSIFY_SEEN) {
+        p.second = pick3(chosen, all3(bound->points[n].second.xyz), other.second);
     }
-    found.x = found.y = (F)(numbers[n]);
-    for (uint i = 0u; i < at->count; i++) {
-        M past = numbers[12u * i] <= at->value;
-        found.x = past ? numbers[12u * i + n] : found.x;
-        found.y = past ? numbers[12u * min(i + 1u, at->count - 1u) + n] : found.y;
-    }
-    return found;
+    return p;
 }
 
-// Number `n` between the two points.
-INLINE F mixed(__global const float *numbers, const Between *at, uint n) {
-    F2 ends = both(numbers, at, n);
-    return ends.x + (ends.y - ends.x) * at->part;
+// Between two colours.
+INLINE F3 mixed(F3 from, F3 to, F f) {
+    return add3(from, scale3(sub3(to, from), f));
 }
 
 // The colour of a kind that has one.

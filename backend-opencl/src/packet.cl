@@ -449,10 +449,14 @@ INLINE void put_colors(F3 v, __global float *to, uint count) {
     float4 values[WIDTH];
     together(f4(v, (F)(0.0f)), values);
     if (count == WIDTH) {
+#if WIDTH == 1
+        vstore4(values[0], 0, to);
+#else
 #pragma unroll
-        for (uint i = 0u; i < WIDTH; i++) {
-            vstore4(values[i], i, to);
+        for (uint i = 0u; i < WIDTH / 4u; i++) {
+            vstore16(vload16(i, (const float *)values), i, to);
         }
+#endif
         return;
     }
     for (uint i = 0u; i < count; i++) {
