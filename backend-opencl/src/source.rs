@@ -129,7 +129,14 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Trace(_) => (file!("trace.cl"), packets(1)),
         Stage::Shade(_) => (file!("shade.cl"), packets(1)),
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
-        Stage::Upsample(_) => (file!("upsample.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Upsample(_) => (
+            file!("upsample.cl"),
+            match lanes {
+                Lanes::One => scalars(March::BLOCK * March::BLOCK),
+                // A block an item.
+                Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
+            },
+        ),
         Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Coarsen(_) => (file!("coarsen.cl"), rows),
         Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
