@@ -433,6 +433,19 @@ void put_row(F v, __global float *to, uint count) {
     }
 }
 
+// Adds the first `count` lanes to what is there, one behind the other.
+void add_row(F v, __global float *to, uint count) {
+    if (count == WIDTH) {
+        unpack(pack(to) + v, to);
+        return;
+    }
+    float values[WIDTH];
+    unpack(v, values);
+    for (uint i = 0u; i < count; i++) {
+        to[i] += values[i];
+    }
+}
+
 // Stores the first `count` lanes, `hop` floats apart.
 INLINE void put_apart(F v, __global float *to, uint hop, uint count) {
     float values[WIDTH];
