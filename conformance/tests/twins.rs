@@ -202,6 +202,7 @@ const OPENCL: Backend = Backend {
     own: &[
         ("reduce", "shares", "the parts of a run of texels"),
         ("coarsen", "shares", "the parts of a run of texels"),
+        ("coarsen", "zeros", "asked where colors vary and where none does"),
         ("field", "colors", LANES),
         ("field", "grouped", GROUPS),
         ("field", "between", GROUPS),
