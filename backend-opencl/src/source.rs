@@ -231,7 +231,9 @@ impl Source {
         let count = sequential.unwrap_or(units.len() as u32);
         let items = (u64::from(count) * u64::from(of)).div_ceil(u64::from(each));
         let units = if sequential.is_some() { 1 } else { count };
-        Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team: None, scratch: 0 })
+        // An item of some packets is much work, and some are of empty cells: cores take them one by one.
+        let team = (matches!(stage, Stage::Project(_)) && self.width > 1).then_some(1);
+        Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team, scratch: 0 })
     }
 
     /// The steps of a batch follow each other within a dispatch, in which the work-items of a direction are a team; its
