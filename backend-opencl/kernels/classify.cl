@@ -48,10 +48,11 @@ void run_classify(const Bound *bound) {
 Control point(const Bound *bound, F value) {
     uint count = bound->params->count;
     Control from;
+    from.value = from.density = (F)(0.0f);
+    from.first = from.second = all3((float3)(0.0f));
     Control to;
     if (count <= FEW) {
-        M all = (M)(-1);
-        from = to = chosen(bound, all, 0u, from);
+        from = to = chosen(bound, (M)(-1), 0u, from);
         for (uint i = 0u; i < count; i++) {
             M past = bound->points[i].place.x <= value;
             from = chosen(bound, past, i, from);

@@ -1,6 +1,6 @@
 // `sweep`: light along many directions at the cells of a coarse grid, each from its neighbours upwind. A dispatch is some
-// steps of a batch, a workgroup a direction of it; or the moments of a batch, a work-item some coefficients of a packet of
-// cells.
+// steps of a batch, a workgroup a direction of it; or the moments of a batch, a work-item some coefficients of a cell, or all of
+// a packet of cells.
 
 // A direction's planes of cells, in rows along the first of the axes that they span. Around a plane lies a border of one cell
 // of what stands beyond, and before and behind each row a packet's room, so that packets load without asking.

@@ -176,7 +176,7 @@ pub(crate) struct Dispatch {
 /// Work-items of a team where each is a lane.
 const TEAM: u32 = 256;
 
-/// Rows that a work-item of `evaluate` goes through together: on vectors as many as leave its sums in registers.
+/// Rows that a work-item of `evaluate` goes through together: of sixteen lanes as many as leave its sums in registers.
 fn evaluate_rows(lanes: u32) -> u32 {
     if lanes == 1 { 1 } else { lanes / 2 }
 }
