@@ -177,34 +177,49 @@ INLINE Past followed(const Bound *bound, U x, U y, F distance, F depth) {
 // A history within the range of the pixels around; the packet's first is at `x`, `y`.
 INLINE Past clamped(const Bound *bound, Past past, uint x, uint y) {
     uint width = bound->params->width;
+    uint height = bound->params->height;
     float8 lows[WIDTH];
     float8 highs[WIDTH];
-    for (uint j = 0u; j < DOWN; j++) {
-        // The range of each column.
-        float8 least[ACROSS + 2u];
-        float8 most[ACROSS + 2u];
-        for (uint i = 0u; i < ACROSS + 2u; i++) {
-            uint column = min(max(x + i, 1u) - 1u, width - 1u);
-            float8 low = (float8)(FAR);
-            float8 high = (float8)(-FAR);
-            for (uint k = 0u; k < 3u; k++) {
-                uint row = min(max(y + j + k, 1u) - 1u, bound->params->height - 1u);
-                size_t at = 2u * ((size_t)row * width + column);
-                float8 pixel = (float8)(bound->medium[at], bound->medium[at + 1u]);
-                if (pixel.s3 < 0.0f) {
-                    continue;
-                }
-                low = pixel < low ? pixel : low;
-                high = pixel > high ? pixel : high;
-            }
-            least[i] = low;
-            most[i] = high;
+    // The range of each column around each row of the packet, of which two share the pixels of two rows.
+    float8 lowest[DOWN][ACROSS + 2u];
+    float8 highest[DOWN][ACROSS + 2u];
+    for (uint i = 0u; i < ACROSS + 2u; i++) {
+        uint column = min(max(x + i, 1u) - 1u, width - 1u);
+        float8 low[DOWN];
+        float8 high[DOWN];
+#pragma unroll
+        for (uint j = 0u; j < DOWN; j++) {
+            low[j] = (float8)(FAR);
+            high[j] = (float8)(-FAR);
         }
+#pragma unroll
+        for (uint k = 0u; k < DOWN + 2u; k++) {
+            uint row = min(max(y + k, 1u) - 1u, height - 1u);
+            size_t at = 2u * ((size_t)row * width + column);
+            float8 pixel = (float8)(bound->medium[at], bound->medium[at + 1u]);
+            if (pixel.s3 < 0.0f) {
+                continue;
+            }
+#pragma unroll
+            for (uint j = 0u; j < DOWN; j++) {
+                if (k >= j && k < j + 3u) {
+                    low[j] = pixel < low[j] ? pixel : low[j];
+                    high[j] = pixel > high[j] ? pixel : high[j];
+                }
+            }
+        }
+#pragma unroll
+        for (uint j = 0u; j < DOWN; j++) {
+            lowest[j][i] = low[j];
+            highest[j][i] = high[j];
+        }
+    }
+    for (uint j = 0u; j < DOWN; j++) {
         for (uint i = 0u; i < ACROSS; i++) {
-            float8 low = least[i] < least[i + 1u] ? least[i] : least[i + 1u];
-            float8 high = most[i] > most[i + 1u] ? most[i] : most[i + 1u];
-            lows[j * ACROSS + i] = low < least[i + 2u] ? low : least[i + 2u];
-            highs[j * ACROSS + i] = high > most[i + 2u] ? high : most[i + 2u];
+            float8 low = lowest[j][i] < lowest[j][i + 1u] ? lowest[j][i] : lowest[j][i + 1u];
+            float8 high = highest[j][i] > highest[j][i + 1u] ? highest[j][i] : highest[j][i + 1u];
+            lows[j * ACROSS + i] = low < lowest[j][i + 2u] ? low : lowest[j][i + 2u];
+            highs[j * ACROSS + i] = high > highest[j][i + 2u] ? high : highest[j][i + 2u];
         }
     }
     F4 least = fetch_four((const float4 *)lows, 2u * LANE);

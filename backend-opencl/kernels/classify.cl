@@ -1,14 +1,20 @@
 // `classify`: what the values of a grid mean. One work-item a packet of voxels.
 
-// What control points say of a value.
+// Control points up to which packets go through all of them, in place of looking up each lane's own.
+#define FEW (WIDTH == 1 ? 0u : 16u)
+
+// A control point of each lane, or what is between two.
 typedef struct {
+    F value;
     F density;
     F3 first;
     F3 second;
 } Control;
 
 Control point(const Bound *bound, F value);
-INLINE F mixed(__global const float *numbers, I a, I b, F f);
+INLINE Control held(const Bound *bound, I n);
+INLINE Control chosen(const Bound *bound, M chosen, uint n, Control other);
+INLINE F3 mixed(F3 from, F3 to, F f);
 F3 color(const Bound *bound, const Control *p);
 
 void run_classify(const Bound *bound) {
@@ -26,10 +32,9 @@ void run_classify(const Bound *bound) {
         return;
     }
     // A slice's rows lie one behind the other.
-    I place = as_signed(elements(first, slice));
-    F value = texels_values(bound, place_values(bound, place, (I)(0), (I)((int)z), convert_int3(dims.xyz), 0));
-    Control p = point(bound, value);
     uint count = min((uint)WIDTH, slice - first);
+    F value = run_values(bound, (int3)((int)first, 0, (int)z), (int)count, convert_int3(dims.xyz));
+    Control p = point(bound, value);
     size_t out = (size_t)z * slice + first;
     if (dims.w < CLASSIFY_COLOR) {
         F reach = greater(greater(p.first.x, p.first.y), p.first.z);
@@ -42,32 +47,67 @@ void run_classify(const Bound *bound) {
 // What the control points say of values: linear between two, constant beyond the first and the last.
 Control point(const Bound *bound, F value) {
     uint count = bound->params->count;
-    I below = (I)(0);
-    for (uint i = 0u; i < count; i++) {
-        below = bound->points[i].place.x <= value ? below + 1 : below;
+    Control from;
+    from.value = from.density = (F)(0.0f);
+    from.first = from.second = all3((float3)(0.0f));
+    Control to;
+    if (count <= FEW) {
+        from = to = chosen(bound, (M)(-1), 0u, from);
+        for (uint i = 0u; i < count; i++) {
+            M past = bound->points[i].place.x <= value;
+            from = chosen(bound, past, i, from);
+            to = chosen(bound, past, min(i + 1u, count - 1u), to);
+        }
+    } else {
+        I below = (I)(0);
+        for (uint i = 0u; i < count; i++) {
+            below = bound->points[i].place.x <= value ? below + 1 : below;
+        }
+        from = held(bound, max(below, (I)(1)) - 1);
+        to = held(bound, min(below, (I)((int)count - 1)));
     }
+    F width = to.value - from.value;
+    // Beyond the ends both are one point, and between them never.
+    F f = width > 0.0f ? (value - from.value) / width : (F)(0.0f);
+    Control p;
+    p.value = value;
+    p.density = from.density + (to.density - from.density) * f;
+    p.first = mixed(from.first, to.first, f);
+    p.second = mixed(from.second, to.second, f);
+    return p;
+}
+
+// The points of these numbers.
+INLINE Control held(const Bound *bound, I n) {
     // A value, a density, a first colour from the fourth float on and a second from the eighth.
     __global const float *points = (__global const float *)bound->points;
-    I a = 12 * (max(below, (I)(1)) - 1);
-    I b = 12 * min(below, (I)((int)count - 1));
-    F start = fetch(points, a);
-    F width = fetch(points, b) - start;
-    // Beyond the ends both are one point, and between them never.
-    F f = width > 0.0f ? (value - start) / width : (F)(0.0f);
     Control p;
-    p.density = mixed(points + 1, a, b, f);
-    p.first = f3(mixed(points + 4, a, b, f), mixed(points + 5, a, b, f), mixed(points + 6, a, b, f));
+    p.value = fetch(points, 12 * n);
+    p.density = fetch(points + 1, 12 * n);
+    p.first = f3(fetch(points + 4, 12 * n), fetch(points + 5, 12 * n), fetch(points + 6, 12 * n));
     p.second = all3((float3)(0.0f));
     if (bound->params->dims.w == CLASSIFY_SEEN) {
-        p.second = f3(mixed(points + 8, a, b, f), mixed(points + 9, a, b, f), mixed(points + 10, a, b, f));
+        p.second = f3(fetch(points + 8, 12 * n), fetch(points + 9, 12 * n), fetch(points + 10, 12 * n));
     }
     return p;
 }
 
-// Between a number of two points.
-F mixed(__global const float *numbers, I a, I b, F f) {
-    F from = fetch(numbers, a);
-    return from + (fetch(numbers, b) - from) * f;
+// One point in lanes that choose it, and another in the rest.
+INLINE Control chosen(const Bound *bound, M chosen, uint n, Control other) {
+    Control p;
+    p.value = chosen ? bound->points[n].place.x : other.value;
+    p.density = chosen ? bound->points[n].place.y : other.density;
+    p.first = pick3(chosen, all3(bound->points[n].first.xyz), other.first);
+    p.second = all3((float3)(0.0f));
+    if (bound->params->dims.w == CLASSIFY_SEEN) {
+        p.second = pick3(chosen, all3(bound->points[n].second.xyz), other.second);
+    }
+    return p;
+}
+
+// Between two colours.
+INLINE F3 mixed(F3 from, F3 to, F f) {
+    return add3(from, scale3(sub3(to, from), f));
 }
 
 // The colour of a kind that has one.

@@ -1,6 +1,7 @@
 // `coarsen`: what a medium does to light, as means over the cells of a coarse grid. One work-item a cell, a packet a run
 // of texels along x where no color varies.
 
+int zeros(const Bound *bound, int3 at, int3 size);
 float share(float begin, float end, uint i);
 F shares(float begin, float end, uint i);
 
@@ -24,30 +25,35 @@ void run_coarsen(const Bound *bound) {
     bool colored = has_scattering || has_emission_color;
     F thick = (F)(0.0f);
     F bright = (F)(0.0f);
-    for (uint k = lo.z; k <= hi.z; k++) {
-        for (uint j = lo.y; j <= hi.y; j++) {
-            float weight = share(begin.y, end.y, j) * share(begin.z, end.z, k);
-            uint i = lo.x;
-            while (i <= hi.x) {
+    uint i = lo.x;
+    while (!colored && i <= hi.x) {
+        // Runs end where blocks of bricks do, so that sums are those of every layout.
+        uint count = min(hi.x - i + 1u, WIDTH - i % WIDTH);
+        F along = shares(begin.x, end.x, i);
+        for (uint k = lo.z; k <= hi.z; k++) {
+            float share_of_slice = share(begin.z, end.z, k);
+            for (uint j = lo.y; j <= hi.y; j++) {
                 int3 at = convert_int3((uint3)(i, j, k));
-                // What holds zero alone adds nothing; only what shines by itself may be where there is no density.
-                int zeros = empty_density(bound, at, convert_int3(size));
-                if (has_emission_density) {
-                    zeros = min(zeros, empty_emission_density(bound, at, convert_int3(size)));
-                }
-                if (zeros > 0) {
-                    i += (uint)zeros;
+                if (zeros(bound, at, convert_int3(size)) > 0) {
                     continue;
                 }
-                if (!colored) {
-                    // Runs end where blocks of bricks do, so that sums are those of every layout.
-                    uint count = min(hi.x - i + 1u, WIDTH - i % WIDTH);
-                    F w = shares(begin.x, end.x, i) * weight;
-                    thick += w * run_density(bound, at, (int)count, convert_int3(size));
-                    if (has_emission_density) {
-                        bright += w * run_emission_density(bound, at, (int)count, convert_int3(size));
-                    }
-                    i += count;
+                F w = along * (share(begin.y, end.y, j) * share_of_slice);
+                thick += w * run_density(bound, at, (int)count, convert_int3(size));
+                if (has_emission_density) {
+                    bright += w * run_emission_density(bound, at, (int)count, convert_int3(size));
+                }
+            }
+        }
+        i += count;
+    }
+    for (uint k = lo.z; colored && k <= hi.z; k++) {
+        for (uint j = lo.y; j <= hi.y; j++) {
+            float weight = share(begin.y, end.y, j) * share(begin.z, end.z, k);
+            for (i = lo.x; i <= hi.x; i++) {
+                int3 at = convert_int3((uint3)(i, j, k));
+                int none = zeros(bound, at, convert_int3(size));
+                if (none > 0) {
+                    i += (uint)none - 1u;
                     continue;
                 }
                 float w = share(begin.x, end.x, i) * weight;
@@ -65,7 +71,6 @@ void run_coarsen(const Bound *bound) {
                 density += w * rho;
                 scatters += w * own;
                 shines += w * glow;
-                i += 1u;
             }
         }
     }
@@ -93,6 +98,16 @@ void run_coarsen(const Bound *bound) {
         bound->optics[(3u + c) * count + index] = albedos[c];
         bound->optics[(6u + c) * count + index] = glows[c];
     }
+}
+
+// How many voxels from one on add nothing, because what they hold is zero; only what shines by itself may be where there is no
+// density.
+int zeros(const Bound *bound, int3 at, int3 size) {
+    int found = empty_density(bound, at, size);
+    if (has_emission_density) {
+        found = min(found, empty_emission_density(bound, at, size));
+    }
+    return found;
 }
 
 // The part of voxel `i` that lies between two places; voxel i fills i to i + 1.

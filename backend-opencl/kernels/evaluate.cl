@@ -1,11 +1,7 @@
 // `evaluate`: what clusters of transfer matrices make of light. One work-item ROWS moments, or a unit where folded.
 
-// Rows of the matrices that a work-item goes through together, so that light is read once for them: four where it works on vectors.
-#if WIDTH > 1
+// Rows of the matrices that a work-item goes through together, so that light is read once for them.
 #define ROWS EVALUATE_ROWS
-#else
-#define ROWS 1u
-#endif
 
 void moment(const Bound *bound, size_t row, uint count, float3 *found);
 

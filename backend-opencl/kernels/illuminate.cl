@@ -11,8 +11,7 @@ void run_illuminate(const Bound *bound) {
     }
     size_t first = bound->launch->start + n;
     U cell = bound->launch->start + elements(n, bound->launch->count);
-    int marked[WIDTH];
-    unpack(filled(n, bound->launch->count), marked);
+    uint kept = min((uint)WIDTH, bound->launch->count - (uint)n);
     uint3 cells = bound->params->cells.xyz;
     float3 side = bound->params->cell.xyz;
     F3 index = f3((to_float(cell % cells.x) + 0.5f) * side.x - 0.5f,
@@ -29,7 +28,7 @@ void run_illuminate(const Bound *bound) {
     uint values = bound->params->bands * bound->params->bands * channels;
     if (bound->params->light_begin == 0u) {
         for (uint value = 0u; value < values; value++) {
-            put((F)(0.0f), bound->moments + value * count + first, LANE, marked);
+            put_row((F)(0.0f), bound->moments + value * count + first, kept);
         }
     }
     F basis[HARMONICS_MAX];
@@ -43,7 +42,7 @@ void run_illuminate(const Bound *bound) {
         F powers[3] = {power.x, power.y, power.z};
         for (uint value = 0u; value < values; value++) {
             F sent = powers[value % channels] * basis[value / channels];
-            add_to(sent, bound->moments + value * count + first, LANE, marked);
+            add_row(sent, bound->moments + value * count + first, kept);
         }
     }
 }

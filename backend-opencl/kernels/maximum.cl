@@ -64,12 +64,16 @@ float2 gathered_FIELD(const Bound *bound, uint3 cell) {
                 while (near <= hi.y) {
                     int far = min(hi.y, near | (block - 1));
                     bool empty = empty_FIELD(bound, (int3)(i, near, below), size) > 0;
+                    float shares_of_rows[TEXEL_BLOCK];
+                    for (int j = near; j <= far; j++) {
+                        shares_of_rows[j - near] = share(begin.y, end.y, j);
+                    }
                     for (int k = below; k <= above && !empty; k++) {
                         float share_of_slice = share(begin.z, end.z, k);
                         for (int j = near; j <= far; j++) {
                             F texels = run_FIELD(bound, (int3)(i, j, k), count, size);
                             most = greater(texels, most);
-                            sums += texels * (share(begin.y, end.y, j) * share_of_slice);
+                            sums += texels * (shares_of_rows[j - near] * share_of_slice);
                         }
                     }
                     near = far + 1;

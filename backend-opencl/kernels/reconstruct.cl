@@ -1,15 +1,30 @@
-// `reconstruct`: in-scattered radiance from what clusters of transfer matrices make of light. One work-item a cell.
+// `reconstruct`: in-scattered radiance from what clusters of transfer matrices make of light. One work-item EACH cells, one
+// behind the other.
 
+void whole(const Bound *bound, uint cell);
+void singles(const Bound *bound, uint first, uint count);
 float3 arriving(const Bound *bound, uint row, uint j);
 float3 restored(const Bound *bound, uint channel, uint row, uint j);
 float3 view_direction(const Bound *bound, uint cell);
 
 void run_reconstruct(const Bound *bound) {
-    size_t n = number();
+    size_t n = number() * EACH;
     if (n >= bound->launch->count) {
         return;
     }
-    uint cell = bound->launch->start + (uint)n;
+    uint first = bound->launch->start + (uint)n;
+    uint count = min(EACH, bound->launch->count - (uint)n);
+    if (bound->params->view == 0u && bound->params->bands == 1u && bound->params->channels == 1u) {
+        singles(bound, first, count);
+        return;
+    }
+    for (uint i = 0u; i < count; i++) {
+        whole(bound, first + i);
+    }
+}
+
+// All layers of a cell.
+void whole(const Bound *bound, uint cell) {
     uint row = min(bound->rows[cell], bound->params->rows);
     uint moments = bound->params->bands * bound->params->bands;
     if (bound->params->view == 0u) {
@@ -31,6 +46,29 @@ void run_reconstruct(const Bound *bound) {
         }
     }
     bound->in_scatter[cell] = (float4)(sum, 0.0f);
+}
+
+// The layer of some cells where light has one moment, which is the same in all channels.
+void singles(const Bound *bound, uint first, uint count) {
+    uint rows = bound->params->rows;
+    uint clusters = bound->params->clusters;
+    uint components = bound->params->components;
+    float beta = bound->tables[0];
+    for (uint cell = first; cell < first + count; cell++) {
+        uint row = min(bound->rows[cell], rows);
+        if (row == 0u) {
+            bound->in_scatter[cell] = (float4)(0.0f);
+            continue;
+        }
+        uint cluster = min(bound->clusters[row - 1u], clusters - 1u);
+        __global const float4 *radiance = bound->radiance + (size_t)cluster * (1u + components);
+        __global const float *weights = bound->weights + (size_t)(row - 1u) * components;
+        float4 sum = radiance[0];
+        for (uint i = 0u; i < components; i++) {
+            sum += weights[i] * radiance[i + 1u];
+        }
+        bound->in_scatter[cell] = (float4)(beta * sum.xyz, 0.0f);
+    }
 }
 
 // Moment `j` of a row; a channel serves all of RGB, or each its own component.

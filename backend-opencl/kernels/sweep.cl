@@ -1,6 +1,6 @@
 // `sweep`: light along many directions at the cells of a coarse grid, each from its neighbours upwind. A dispatch is some
-// steps of a batch, a workgroup a direction of it; or the moments of a batch, a work-item some coefficients of a packet of
-// cells.
+// steps of a batch, a workgroup a direction of it; or the moments of a batch, a work-item some coefficients of a cell, or all of
+// a packet of cells.
 
 // A direction's planes of cells, in rows along the first of the axes that they span. Around a plane lies a border of one cell
 // of what stands beyond, and before and behind each row a packet's room, so that packets load without asking.
@@ -26,15 +26,16 @@ typedef struct {
 Planes planes(const Bound *bound, uint n, uint first);
 size_t part(const Bound *bound, const Planes *of, uint step, uint kind, uint channel);
 size_t corner(const Planes *of, uint step);
-F load(__global const float *from, size_t start, uint hop, uint left);
+INLINE F load(__global const float *from, size_t start, size_t end, uint hop, uint left);
 void enter(const Bound *bound, const Planes *of, uint step, bool lit);
-void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v);
+INLINE void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v);
 void advance(const Bound *bound, const Planes *of, uint step);
-F between(__global const float *values, const int *around, const float *weights, const M *closed, F own);
-F leaning(F tau, F2 piece);
-M obstructs(U word, const SweepDirection *way, uint first, uint second);
-F source(const Bound *bound, uint direction, uint channel, size_t cell, uint hop, uint left);
+INLINE F between(__global const float *values, const int *around, const float *weights, const M *closed, F own);
+INLINE F leaning(F tau, F2 piece);
+INLINE M obstructs(U word, const SweepDirection *way, uint first, uint second);
+INLINE F source(const Bound *bound, uint direction, uint channel, size_t cell, uint hop, uint left);
 void gather(const Bound *bound, uint item, uint first, uint taken);
+INLINE void summed(const Bound *bound, size_t cell, uint first, uint taken, uint channel, uint k, const uint many);
 
 void run_sweep(const Bound *bound) {
     uint steps = bound->params->cells.w;
@@ -93,14 +94,14 @@ size_t corner(const Planes *of, uint step) {
     return (size_t)(down ? step : of->deep - 1u - step) * of->plane;
 }
 
-// A packet of values `hop` apart, of which `left` are left.
-F load(__global const float *from, size_t start, uint hop, uint left) {
-    from += start;
-    if (hop == 1u && left >= WIDTH) {
-        return pack(from);
+// A packet of values `hop` apart, of which `left` are left, out of memory that ends at `end`. Lanes past the last hold what lies
+// there, which nobody keeps, or the last.
+INLINE F load(__global const float *from, size_t start, size_t end, uint hop, uint left) {
+    if (hop == 1u && (left >= WIDTH || start + WIDTH <= end)) {
+        return pack(from + start);
     }
     U lane = min((U)(LANE), (U)(left - 1u));
-    return fetch(from, lane * hop);
+    return fetch(from + start, lane * hop);
 }
 
 // Takes the plane of a step: what its cells hold, and their radiance where it is known. Before the first step lies what is
@@ -111,6 +112,7 @@ void enter(const Bound *bound, const Planes *of, uint step, bool lit) {
     size_t count = (size_t)cells.x * cells.y * cells.z;
     bool beyond = step == 0xffffffffu;
     size_t from = beyond ? 0u : corner(of, step);
+    size_t words = bound->optics_words;
     bool scatters = bound->params->source_coefficients > 0u;
     bool shines = bound->params->emits == 1u;
     for (uint channel = 0u; channel < channels; channel++) {
@@ -131,17 +133,17 @@ void enter(const Bound *bound, const Planes *of, uint step, bool lit) {
             uint row = i / of->packets;
             uint left = of->across - column;
             size_t cell = from + (size_t)row * of->row + (size_t)column * of->hop;
-            F held = load(bound->optics, channel * count + cell, of->hop, left);
+            F held = load(bound->optics, channel * count + cell, words, of->hop, left);
             lay(of, extinction, row, column, false, 0.0f, held);
             if (scatters) {
                 lay(of, sent, row, column, true, 0.0f, source(bound, of->direction, channel, cell, of->hop, left));
             }
             if (shines) {
-                held = load(bound->optics, (6u + channel) * count + cell, of->hop, left);
+                held = load(bound->optics, (6u + channel) * count + cell, words, of->hop, left);
                 lay(of, emission, row, column, false, 0.0f, held);
             }
             if (lit) {
-                held = load(bound->radiance, (of->n * channels + channel) * count + cell, of->hop, left);
+                held = load(bound->radiance, (of->n * channels + channel) * count + cell, 0u, of->hop, left);
                 lay(of, radiance, row, column, false, bound->params->boundary, held);
             }
         }
@@ -150,7 +152,7 @@ void enter(const Bound *bound, const Planes *of, uint step, bool lit) {
 
 // Stores a packet of a plane, and the border beside it: the cells at the edge once more, or a value. What lies past the end of a
 // row is the row's last cell where they are repeated.
-void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v) {
+INLINE void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v) {
     bool ends = of->across - column <= WIDTH;
     uint from = row == 0u ? 0u : row + 1u;
     uint to = row + 1u == of->down ? row + 2u : row + 1u;
@@ -225,20 +227,19 @@ void advance(const Bound *bound, const Planes *of, uint step) {
             }
             lay(of, out, row, column, false, bound->params->boundary, light);
             __global float *to = bound->radiance + (of->n * channels + channel) * count + cell;
-            if (of->hop == 1u && left >= WIDTH) {
-                unpack(light, to);
+            if (of->hop == 1u) {
+                put_row(light, to, min(left, (uint)WIDTH));
             } else {
-                int marked[WIDTH];
-                unpack(LANE < left, marked);
-                put(light, to, LANE * of->hop, marked);
+                put_apart(light, to, of->hop, min(left, (uint)WIDTH));
             }
         }
     }
 }
 
 // Between the four cells around Y; `own` stands for those behind surfaces.
-F between(__global const float *values, const int *around, const float *weights, const M *closed, F own) {
+INLINE F between(__global const float *values, const int *around, const float *weights, const M *closed, F own) {
     F sum = (F)(0.0f);
+#pragma unroll
     for (uint i = 0u; i < 4u; i++) {
         F value = pack(values + around[i]);
         if (has_obstructed) {
@@ -251,14 +252,14 @@ F between(__global const float *values, const int *around, const float *weights,
 
 // The integral of s exp(-s) from 0 to tau over tau, what of a source at Y arrives where that at X is zero: by its series
 // where tau is small.
-F leaning(F tau, F2 piece) {
+INLINE F leaning(F tau, F2 piece) {
     F series = (((tau * (-1.0f / 30.0f) + 1.0f / 8.0f) * tau - 1.0f / 3.0f) * tau + 0.5f) * tau;
     return tau < 0.05f ? series : piece.y - piece.x;
 }
 
 // Whether a surface stands between cells and their neighbours in the plane before, so many cells on along the first and the
 // second of the axes that it spans.
-M obstructs(U word, const SweepDirection *way, uint first, uint second) {
+INLINE M obstructs(U word, const SweepDirection *way, uint first, uint second) {
     uint axis = way->axis;
     uint3 on = axis == 0u ? (uint3)(1u, first, second) : axis == 1u ? (uint3)(first, 1u, second) : (uint3)(first, second, 1u);
     uint x = (way->down & 1u) == 1u ? 1u - on.x : 1u + on.x;
@@ -268,58 +269,76 @@ M obstructs(U word, const SweepDirection *way, uint first, uint second) {
 }
 
 // The source function of a packet of cells `hop` apart, of which `left` are left.
-F source(const Bound *bound, uint direction, uint channel, size_t cell, uint hop, uint left) {
+INLINE F source(const Bound *bound, uint direction, uint channel, size_t cell, uint hop, uint left) {
     uint3 cells = bound->params->cells.xyz;
     size_t count = (size_t)cells.x * cells.y * cells.z;
     F sum = (F)(0.0f);
     uint coefficients = bound->params->source_coefficients;
     for (uint k = 0u; k < coefficients; k++) {
-        F moment = load(bound->sources, (k * bound->params->channels + channel) * count + cell, hop, left);
-        sum += bound->source_weights[direction * coefficients + k] * moment;
+        size_t at = (k * bound->params->channels + channel) * count + cell;
+        sum += bound->source_weights[direction * coefficients + k] * load(bound->sources, at, bound->sources_words, hop, left);
     }
-    return sum * load(bound->optics, (3u + channel) * count + cell, hop, left);
+    return sum * load(bound->optics, (3u + channel) * count + cell, bound->optics_words, hop, left);
 }
 
-// Some coefficients of the moments of a packet of cells: what the batches before left, and the `taken` directions of this one
-// from `first` on.
+// Moments of a packet of cells, where it is one of vectors all of them: what the batches before left, and the `taken` directions
+// of this one from `first` on.
 void gather(const Bound *bound, uint item, uint first, uint taken) {
     uint3 cells = bound->params->cells.xyz;
     size_t count = (size_t)cells.x * cells.y * cells.z;
     uint packets = (uint)((count + WIDTH - 1u) / WIDTH);
     size_t cell = (size_t)(item % packets) * WIDTH;
+    uint coefficients = bound->params->coefficients;
+    uint channels = max(bound->params->channels, bound->params->weight_channels);
+    uint begin = item / packets * SWEEP_TAKEN;
+    uint end = WIDTH == 1 ? min(begin + SWEEP_TAKEN, coefficients) : coefficients;
+    for (uint c = 0u; c < channels; c++) {
+        uint k = begin;
+        for (; k + SWEEP_TAKEN <= end; k += SWEEP_TAKEN) {
+            summed(bound, cell, first, taken, c, k, SWEEP_TAKEN);
+        }
+        for (; k < end; k++) {
+            summed(bound, cell, first, taken, c, k, 1u);
+        }
+    }
+}
+
+// So many coefficients of the moments of a packet in a channel, from `k` on.
+INLINE void summed(const Bound *bound, size_t cell, uint first, uint taken, uint channel, uint k, const uint many) {
+    uint3 cells = bound->params->cells.xyz;
+    size_t count = (size_t)cells.x * cells.y * cells.z;
     uint left = (uint)min(count - cell, (size_t)WIDTH);
     uint coefficients = bound->params->coefficients;
-    uint begin = item / packets * SWEEP_TAKEN;
     uint own = bound->params->channels;
     uint of = bound->params->weight_channels;
     uint channels = max(own, of);
-    int marked[WIDTH];
-    unpack(LANE < left, marked);
-    for (uint c = 0u; c < channels; c++) {
-        __global const float *light = bound->radiance + min(c, own - 1u) * count + cell;
-        __global const float *weights = bound->weights + (size_t)first * coefficients * of + min(c, of - 1u);
-        // Coefficients past the last repeat it.
-        uint k[SWEEP_TAKEN];
-        F sums[SWEEP_TAKEN];
-        for (uint i = 0u; i < SWEEP_TAKEN; i++) {
-            k[i] = min(begin + i, coefficients - 1u);
-            sums[i] = (F)(0.0f);
+    __global const float *light = bound->radiance + min(channel, own - 1u) * count + cell;
+    __global const float *weights = bound->weights + ((size_t)first * coefficients + k) * of + min(channel, of - 1u);
+    F sums[SWEEP_TAKEN];
+#pragma unroll
+    for (uint i = 0u; i < many; i++) {
+        sums[i] = (F)(0.0f);
+    }
+    for (uint n = 0u; n < taken; n++) {
+        F value = load(light, 0u, 0u, 1u, left);
+#pragma unroll
+        for (uint i = 0u; i < many; i++) {
+            sums[i] += weights[i * of] * value;
         }
-        for (uint n = 0u; n < taken; n++) {
-            F value = load(light, (size_t)n * own * count, 1u, left);
-            for (uint i = 0u; i < SWEEP_TAKEN; i++) {
-                sums[i] += weights[((size_t)n * coefficients + k[i]) * of] * value;
-            }
-        }
-        for (uint i = 0u; i < min(SWEEP_TAKEN, coefficients - begin); i++) {
-            bool planar = bound->params->planar == 1u;
-            size_t place = planar ? (size_t)(k[i] * channels + c) * count + cell : (cell * coefficients + k[i]) * channels + c;
-            U index = LANE * (planar ? 1u : coefficients * channels);
-            if (first > 0u) {
-                add_to(sums[i], bound->moments + place, index, marked);
-            } else {
-                put(sums[i], bound->moments + place, index, marked);
-            }
+        light += own * count;
+        weights += coefficients * of;
+    }
+    bool planar = bound->params->planar == 1u;
+    uint hop = planar ? 1u : coefficients * channels;
+#pragma unroll
+    for (uint i = 0u; i < many; i++) {
+        size_t place = planar ? (size_t)((k + i) * channels + channel) * count + cell : (cell * coefficients + k + i) * channels + channel;
+        __global float *to = bound->moments + place;
+        F sum = first > 0u ? load(to, 0u, 0u, hop, left) + sums[i] : sums[i];
+        if (planar) {
+            put_row(sum, to, left);
+        } else {
+            put_apart(sum, to, hop, left);
         }
     }
 }

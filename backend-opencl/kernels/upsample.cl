@@ -1,8 +1,10 @@
-// `upsample`: the picture from a film of the medium alone. One work-item a packet of pixels, ACROSS by DOWN; those of
-// a block of BLOCK x BLOCK pixels are in a row.
+// `upsample`: the picture from a film of the medium alone. One work-item a pixel, those of a block of BLOCK x BLOCK pixels in a
+// row; or, where packets are vectors, a block, of which a packet is ACROSS by DOWN pixels.
 
 #define ACROSS (WIDTH == 1 ? 1u : BLOCK)
 #define DOWN (WIDTH / ACROSS)
+// Packets of a work-item.
+#define TAKEN (WIDTH == 1 ? 1u : BLOCK / DOWN)
 
 // Sums over pixels of a small film, of each lane.
 typedef struct {
@@ -24,22 +26,77 @@ typedef struct {
     bool rims;
 } Small;
 
+// What is summed, of pixels of a small film: radiance, transmittance, light stopped, and the same weighed with its distance; and how
+// far their surfaces are.
+#define SUMS 8
+#define HELD 9
+
+#if WIDTH > 1
+
+// The columns of a block, one behind the other.
+typedef float8 Line;
+
+// Where the pixels of a block fall among those of a small film, along one side.
+typedef struct {
+    // The pixel of the small film at or before each, or the first one, and the one behind it.
+    uint before[BLOCK];
+    uint behind[BLOCK];
+    // How far each is on its way between them.
+    float parts[BLOCK];
+} Side;
+
+// The pixels of a small film that a block looks at.
+typedef struct {
+    Small small;
+    Side across;
+    Side down;
+    // By rows from the first on that is looked at: the pixels at or before the columns of the block, and those behind them.
+    Line rows[BLOCK + 2][2][HELD];
+    // One over the distances of the surfaces four by four around, once they were asked for: of rows from the one before the first on,
+    // the four columns from the one before each of the block; infinite where nothing was marched.
+    bool asked;
+    Line inverses[BLOCK + 4][4];
+} Patch;
+
+// What packets hold of a row, and of the next one where they take two.
+#if WIDTH == 8
+#define OF_ROWS_OF(kind, a, b) (a)
+#else
+#define OF_ROWS_OF(kind, a, b) ((kind)(a, b))
+#endif
+#define OF_ROWS(a, b) OF_ROWS_OF(F, a, b)
+
+INLINE Side side(Small small, uint count, uint begin, uint size);
+void level(Patch *patch);
+Medium between(const Patch *patch, uint row);
+void nearest(const Bound *bound, Patch *patch, uint row, F distance, F *sums);
+void inverses(const Bound *bound, Patch *patch);
+INLINE U neighbor(U at, uint n, uint size);
+
+#else
+
+typedef Small Patch;
+
+#endif
+
 Small small(const Bound *bound, uint scale, bool rims);
+void patch(const Bound *bound, Patch *patch, Small small, uint left, uint top);
 Medium mixed(Medium fine, Medium whole);
-Medium around(const Bound *bound, U x, U y, Small small, F distance);
+Medium around(const Bound *bound, U x, U y, uint row, Patch *patch, F distance);
+INLINE void sums_of(F4 light, F4 through, F *sums);
 INLINE U first(Small small, U n);
 INLINE U stands(Small small, U n, uint size);
 INLINE F part(U n, U a, U b);
 INLINE F fit(F a, F b);
 INLINE F alike(const Bound *bound, U x, U y, Small small, U sx, U sy);
 INLINE F4 held(const Bound *bound, Small small, U sx, U sy, uint half_of_it);
-INLINE void add(const Bound *bound, Medium *sum, Small small, U sx, U sy, F weight, M marched);
+INLINE void add(Medium *sum, const F *sums, F weight);
 F3 behind(const Bound *bound, U x, U y, U pixel);
 INLINE F4 seen(const Bound *bound, U pixel, uint s);
 
 void run_upsample(const Bound *bound) {
-    size_t n = number() / (BLOCK * BLOCK);
-    uint first = (uint)(number() % (BLOCK * BLOCK)) / WIDTH;
+    size_t begin = get_global_id(0) * (TAKEN * WIDTH);
+    size_t n = begin / (BLOCK * BLOCK);
     if (n >= bound->launch->count) {
         return;
     }
@@ -47,35 +104,61 @@ void run_upsample(const Bound *bound) {
     uint full_width = bound->params->full_width;
     uint full_height = bound->params->full_height;
     uint across = (full_width + BLOCK - 1u) / BLOCK;
-    U x = block % across * BLOCK + first % (BLOCK / ACROSS) * ACROSS + LANE % ACROSS;
-    U y = block / across * BLOCK + first / (BLOCK / ACROSS) * DOWN + LANE / ACROSS;
-    M kept = (x < full_width) & (y < full_height);
-    if (!any_lane(kept)) {
-        return;
-    }
-    // Lanes past the edge repeat the last pixels, and keep nothing.
-    x = x < full_width ? x : (U)(full_width - 1u);
-    y = y < full_height ? y : (U)(full_height - 1u);
-    U pixel = y * full_width + x;
-    F distance = lesser(seen(bound, pixel, 0u).w, (F)(FAR));
-    Medium found;
+    uint left = block % across * BLOCK;
+    uint top = block / across * BLOCK;
+    Patch rims;
+    Patch all;
     if (has_rims) {
-        found = around(bound, x, y, small(bound, bound->params->scale / 2u, true), distance);
-        if (any_lane(found.marched < 1.0f)) {
-            found = mixed(found, around(bound, x, y, small(bound, bound->params->scale, false), distance));
-        }
-    } else {
-        found = around(bound, x, y, small(bound, bound->params->scale, false), distance);
+        patch(bound, &rims, small(bound, bound->params->scale / 2u, true), left, top);
     }
-    F3 radiance = f3(found.radiance.x / found.weight, found.radiance.y / found.weight, found.radiance.z / found.weight);
-    F3 through = f3(found.transmittance.x / found.weight, found.transmittance.y / found.weight,
-                    found.transmittance.z / found.weight);
-    F depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : (F)(INFINITY);
-    F3 color = add3(radiance, mul3(through, behind(bound, x, y, pixel)));
-    // Exactly nothing where all came through, also where a product and a sum are rounded as one.
-    F all = 3.0f * found.weight;
-    F alpha = (all - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / all;
-    put_eight(bound->film, pixel, kept, color, alpha, through, depth);
+    patch(bound, &all, small(bound, bound->params->scale, false), left, top);
+#if WIDTH > 1
+    // Where nothing is in front of anything, all pixels fit.
+    bool fits = !has_rims & !has_surface;
+    if (fits) {
+        level(&all);
+    }
+#endif
+    for (uint taken = 0u; taken < TAKEN; taken++) {
+        uint first = (uint)(begin % (BLOCK * BLOCK)) / WIDTH + taken;
+        uint row = first / (BLOCK / ACROSS) * DOWN;
+        U x = left + first % (BLOCK / ACROSS) * ACROSS + LANE % ACROSS;
+        U y = top + row + LANE / ACROSS;
+        M kept = (x < full_width) & (y < full_height);
+        if (!any_lane(kept)) {
+            return;
+        }
+        // Lanes past the edge repeat the last pixels, and keep nothing.
+        x = x < full_width ? x : (U)(full_width - 1u);
+        y = y < full_height ? y : (U)(full_height - 1u);
+        U pixel = y * full_width + x;
+        Medium found;
+#if WIDTH > 1
+        if (fits) {
+            found = between(&all, row);
+        } else
+#endif
+        {
+            F distance = lesser(seen(bound, pixel, 0u).w, (F)(FAR));
+            if (has_rims) {
+                found = around(bound, x, y, row, &rims, distance);
+                if (any_lane(found.marched < 1.0f)) {
+                    found = mixed(found, around(bound, x, y, row, &all, distance));
+                }
+            } else {
+                found = around(bound, x, y, row, &all, distance);
+            }
+        }
+        F3 radiance = f3(found.radiance.x / found.weight, found.radiance.y / found.weight, found.radiance.z / found.weight);
+        F3 through = f3(found.transmittance.x / found.weight, found.transmittance.y / found.weight,
+                        found.transmittance.z / found.weight);
+        F depth = found.stopped > 0.0f ? found.stopped_at / found.stopped : (F)(INFINITY);
+        F3 color = add3(radiance, mul3(through, behind(bound, x, y, pixel)));
+        // Exactly nothing where all came through, also where a product and a sum are rounded as one.
+        F whole = 3.0f * found.weight;
+        F alpha = (whole - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / whole;
+        put_eight(bound->film, pixel, kept, color, alpha, through, depth);
+    }
 }
 
 // A film of so many pixels of the picture along each side of one of its own.
@@ -87,6 +170,109 @@ Small small(const Bound *bound, uint scale, bool rims) {
     found.rims = rims;
     return found;
 }
+
+#if WIDTH > 1
+
+// The pixels of a small film that the block looks at which begins at `left`, `top`.
+void patch(const Bound *bound, Patch *patch, Small small, uint left, uint top) {
+    patch->small = small;
+    patch->across = side(small, small.width, left, bound->params->full_width);
+    patch->down = side(small, small.height, top, bound->params->full_height);
+    patch->asked = false;
+    uint8 before = vload8(0, patch->across.before);
+    uint8 behind = vload8(0, patch->across.behind);
+    uint top_row = patch->down.before[0];
+    uint count = patch->down.behind[BLOCK - 1u] - top_row + 1u;
+    for (uint j = 0u; j < count; j++) {
+        U row = (U)(top_row + j);
+        F sums[HELD];
+#if WIDTH == 8
+        for (uint i = 0u; i < 2u; i++) {
+            U column = i == 0u ? before : behind;
+            F4 light = held(bound, small, column, row, 0u);
+            sums_of(light, held(bound, small, column, row, 1u), sums);
+#pragma unroll
+            for (uint c = 0u; c < HELD; c++) {
+                patch->rows[j][i][c] = sums[c];
+            }
+        }
+#else
+        U column = (U)(before, behind);
+        F4 light = held(bound, small, column, row, 0u);
+        sums_of(light, held(bound, small, column, row, 1u), sums);
+#pragma unroll
+        for (uint c = 0u; c < HELD; c++) {
+            patch->rows[j][0][c] = sums[c].lo;
+            patch->rows[j][1][c] = sums[c].hi;
+        }
+#endif
+    }
+}
+
+// Of the pixels from `begin` on among `size`, in a film of `count`.
+INLINE Side side(Small small, uint count, uint begin, uint size) {
+    Side found;
+    uint before = small.scale / 2u;
+    for (uint n = 0u; n < BLOCK; n++) {
+        uint full = min(begin + n, size - 1u);
+        uint a = (max(full, before) - before) / small.scale;
+        uint b = min(a + 1u, count - 1u);
+        uint from = min(a * small.scale + before, size - 1u);
+        uint to = min(b * small.scale + before, size - 1u);
+        found.before[n] = a;
+        found.behind[n] = b;
+        found.parts[n] = full > from && to > from ? convert_float(full - from) / convert_float(to - from) : 0.0f;
+    }
+    return found;
+}
+
+// Leaves what is summed at the columns of the block in place of what is before them. Where all pixels fit, weights are those along x
+// times those along y.
+void level(Patch *patch) {
+    Line parts = vload8(0, patch->across.parts);
+    uint count = patch->down.behind[BLOCK - 1u] - patch->down.before[0] + 1u;
+    for (uint j = 0u; j < count; j++) {
+#pragma unroll
+        for (uint c = 0u; c < SUMS; c++) {
+            Line from = patch->rows[j][0][c];
+            patch->rows[j][0][c] = from + (patch->rows[j][1][c] - from) * parts;
+        }
+    }
+}
+
+// What stands in two rows of the patch side by side, of the pixels of a packet from `row` of the block on: at or before them or
+// behind them, above them or below.
+#define ROWS_AT(below, right, c)                                                                                      \
+    OF_ROWS(patch->rows[(below ? side->behind : side->before)[row] - side->before[0]][right][c],                      \
+            patch->rows[(below ? side->behind : side->before)[row + DOWN - 1u] - side->before[0]][right][c])
+
+// The medium in the pixels of a packet, from `row` of the block on, between the rows of a level.
+Medium between(const Patch *patch, uint row) {
+    const Side *side = &patch->down;
+    F part = OF_ROWS((Line)(side->parts[row]), (Line)(side->parts[row + DOWN - 1u]));
+    F sums[SUMS];
+#pragma unroll
+    for (uint c = 0u; c < SUMS; c++) {
+        F above = ROWS_AT(false, 0, c);
+        sums[c] = above + (ROWS_AT(true, 0, c) - above) * part;
+    }
+    Medium found;
+    found.radiance = f3(sums[0], sums[1], sums[2]);
+    found.transmittance = f3(sums[3], sums[4], sums[5]);
+    found.stopped = sums[6];
+    found.stopped_at = sums[7];
+    found.weight = found.marched = (F)(1.0f);
+    return found;
+}
+
+#else
+
+// A pixel looks at its own.
+void patch(const Bound *bound, Patch *patch, Small small, uint left, uint top) {
+    *patch = small;
+}
+
+#endif
 
 // As much of one film as was marched of it, and the rest of another.
 Medium mixed(Medium fine, Medium whole) {
@@ -108,7 +294,118 @@ Medium mixed(Medium fine, Medium whole) {
 }
 
 // The medium in pixels whose surfaces are so far away; nothing where none of the nearest pixels was marched.
-Medium around(const Bound *bound, U x, U y, Small small, F distance) {
+#if WIDTH > 1
+
+Medium around(const Bound *bound, U x, U y, uint row, Patch *patch, F distance) {
+    const Side *side = &patch->down;
+    Line along = vload8(0, patch->across.parts);
+    F fx = OF_ROWS(along, along);
+    F fy = OF_ROWS((Line)(side->parts[row]), (Line)(side->parts[row + DOWN - 1u]));
+    F zero = (F)(0.0f);
+    Medium sum;
+    sum.radiance = sum.transmittance = f3(zero, zero, zero);
+    sum.stopped = sum.stopped_at = sum.weight = sum.marched = zero;
+#pragma unroll
+    for (uint i = 0u; i < 4u; i++) {
+        uint right = i % 2u;
+        bool below = i / 2u == 1u;
+        F sums[HELD];
+#pragma unroll
+        for (uint c = 0u; c < HELD; c++) {
+            sums[c] = ROWS_AT(below, right, c);
+        }
+        F other = sums[SUMS];
+        F share = (right == 1u ? fx : 1.0f - fx) * (below ? fy : 1.0f - fy);
+        share = other >= 0.0f ? share : zero;
+        sum.marched += share;
+        if (has_surface) {
+            share = share * fit(distance, other);
+        }
+        if (has_normals) {
+            uint8 column = vload8(0, right == 1u ? patch->across.behind : patch->across.before);
+            const uint *lines = below ? side->behind : side->before;
+            U sx = OF_ROWS_OF(U, column, column);
+            U sy = OF_ROWS_OF(U, (uint8)(lines[row]), (uint8)(lines[row + DOWN - 1u]));
+            share = share * alike(bound, x, y, patch->small, sx, sy);
+        }
+        add(&sum, sums, share);
+    }
+    M lone = (sum.marched > 0.0f) & (sum.weight < UPSAMPLE_FIT);
+    if (any_lane(lone)) {
+        F sums[HELD];
+        nearest(bound, patch, row, distance, sums);
+        sum.radiance = pick3(lone, f3(sums[0], sums[1], sums[2]), sum.radiance);
+        sum.transmittance = pick3(lone, f3(sums[3], sums[4], sums[5]), sum.transmittance);
+        sum.stopped = lone ? sums[6] : sum.stopped;
+        sum.stopped_at = lone ? sums[7] : sum.stopped_at;
+        sum.weight = lone ? (F)(1.0f) : sum.weight;
+    }
+    return sum;
+}
+
+// Of the sixteen pixels around, the one whose surface is nearest to that of a pixel.
+void nearest(const Bound *bound, Patch *patch, uint row, F distance, F *sums) {
+    const Side *side = &patch->down;
+    if (!patch->asked) {
+        inverses(bound, patch);
+        patch->asked = true;
+    }
+    uint a = side->before[row] - side->before[0];
+    uint b = side->before[row + DOWN - 1u] - side->before[0];
+    F here = 1.0f / lesser(greater(distance, (F)(1e-6f)), (F)(1e30f));
+    F least = (F)(FAR);
+    I at = (I)(5);
+    for (uint n = 0u; n < 16u; n++) {
+        F apart = fabs(here - OF_ROWS(patch->inverses[a + n / 4u][n % 4u], patch->inverses[b + n / 4u][n % 4u]));
+        M nearer = apart < least;
+        least = nearer ? apart : least;
+        at = nearer ? (I)((int)n) : at;
+    }
+    U n = as_index(at);
+    uint8 column = vload8(0, patch->across.before);
+    U sx = OF_ROWS_OF(U, column, column) + n % 4u;
+    U sy = OF_ROWS_OF(U, (uint8)(side->before[row]), (uint8)(side->before[row + DOWN - 1u])) + n / 4u;
+    sx = neighbor(sx, 0u, patch->small.width);
+    sy = neighbor(sy, 0u, patch->small.height);
+    F4 light = held(bound, patch->small, sx, sy, 0u);
+    sums_of(light, held(bound, patch->small, sx, sy, 1u), sums);
+}
+
+// One over the distances of the surfaces four by four around the pixels of a block, as a patch keeps them.
+void inverses(const Bound *bound, Patch *patch) {
+    uint8 column = vload8(0, patch->across.before);
+    uint first = patch->down.before[0];
+    uint count = patch->down.behind[BLOCK - 1u] - first + 3u;
+    for (uint j = 0u; j < count; j++) {
+        U row = neighbor((U)(first), j, patch->small.height);
+        for (uint n = 0u; n < 4u; n += DOWN) {
+#if WIDTH == 8
+            U columns = neighbor(column, n, patch->small.width);
+#else
+            U columns = neighbor((U)(column, column + 1u), n, patch->small.width);
+#endif
+            F other = held(bound, patch->small, columns, row, 0u).w;
+            F inverse = 1.0f / lesser(greater(other, (F)(1e-6f)), (F)(1e30f));
+            inverse = other >= 0.0f ? inverse : (F)(INFINITY);
+#if WIDTH == 8
+            patch->inverses[j][n] = inverse;
+#else
+            patch->inverses[j][n] = inverse.lo;
+            patch->inverses[j][n + 1u] = inverse.hi;
+#endif
+        }
+    }
+}
+
+// Of the four pixels around one along a side, from the one before it on, number `n`; not past the first and the last.
+INLINE U neighbor(U at, uint n, uint size) {
+    return min(max(at + n, (U)(1u)) - 1u, (U)(size - 1u));
+}
+
+#else
+
+Medium around(const Bound *bound, U x, U y, uint row, Patch *patch, F distance) {
+    Small small = *patch;
     uint full_width = bound->params->full_width;
     uint full_height = bound->params->full_height;
     U x0 = first(small, x);
@@ -136,7 +433,9 @@ Medium around(const Bound *bound, U x, U y, Small small, F distance) {
         M marched = other >= 0.0f;
         sum.marched += marched ? share : zero;
         F fits = has_surface ? fit(distance, other) * alike(bound, x, y, small, sx, sy) : (F)(1.0f);
-        add(bound, &sum, small, sx, sy, share * fits, marched);
+        F sums[HELD];
+        sums_of(held(bound, small, sx, sy, 0u), held(bound, small, sx, sy, 1u), sums);
+        add(&sum, sums, marched ? share * fits : zero);
     }
     M lone = (sum.marched > 0.0f) & (sum.weight < UPSAMPLE_FIT);
     if (!any_lane(lone)) {
@@ -163,13 +462,33 @@ Medium around(const Bound *bound, U x, U y, Small small, F distance) {
         at_y = nearer ? sy : at_y;
     }
     Medium single = none;
-    add(bound, &single, small, at_x, at_y, (F)(1.0f), lone);
+    F sums[HELD];
+    sums_of(held(bound, small, at_x, at_y, 0u), held(bound, small, at_x, at_y, 1u), sums);
+    add(&single, sums, (F)(1.0f));
     sum.radiance = pick3(lone, single.radiance, sum.radiance);
     sum.transmittance = pick3(lone, single.transmittance, sum.transmittance);
     sum.stopped = lone ? single.stopped : sum.stopped;
     sum.stopped_at = lone ? single.stopped_at : sum.stopped_at;
     sum.weight = lone ? single.weight : sum.weight;
     return sum;
+}
+
+#endif
+
+// What pixels of a small film add to sums, and how far their surfaces are.
+INLINE void sums_of(F4 light, F4 through, F *sums) {
+    F stops = (3.0f - (through.x + through.y + through.z)) * (1.0f / 3.0f);
+    M deep = through.w < FAR;
+    F stopped = deep ? greater(stops, (F)(1e-9f)) : (F)(0.0f);
+    sums[0] = light.x;
+    sums[1] = light.y;
+    sums[2] = light.z;
+    sums[3] = through.x;
+    sums[4] = through.y;
+    sums[5] = through.z;
+    sums[6] = stopped;
+    sums[7] = deep ? stopped * through.w : (F)(0.0f);
+    sums[8] = light.w;
 }
 
 // The pixels of a small film at or before pixels `n` of the full picture, along one side; the first one before it.
@@ -223,20 +542,13 @@ INLINE F4 held(const Bound *bound, Small small, U sx, U sy, uint half_of_it) {
     return fetch_four(bound->medium, at);
 }
 
-// Adds pixels of a small film, in lanes where they were marched.
-INLINE void add(const Bound *bound, Medium *sum, Small small, U sx, U sy, F weight, M marched) {
-    F4 light = held(bound, small, sx, sy, 0u);
-    F4 through = held(bound, small, sx, sy, 1u);
-    F3 radiance = add3(sum->radiance, scale3(f3(light.x, light.y, light.z), weight));
-    F3 transmittance = add3(sum->transmittance, scale3(f3(through.x, through.y, through.z), weight));
-    sum->radiance = pick3(marched, radiance, sum->radiance);
-    sum->transmittance = pick3(marched, transmittance, sum->transmittance);
-    sum->weight = marched ? sum->weight + weight : sum->weight;
-    M deep = marched & (through.w < FAR);
-    F stops = (3.0f - (through.x + through.y + through.z)) * (1.0f / 3.0f);
-    F stopped = weight * greater(stops, (F)(1e-9f));
-    sum->stopped = deep ? sum->stopped + stopped : sum->stopped;
-    sum->stopped_at = deep ? sum->stopped_at + stopped * through.w : sum->stopped_at;
+// Adds pixels of a small film.
+INLINE void add(Medium *sum, const F *sums, F weight) {
+    sum->radiance = add3(sum->radiance, scale3(f3(sums[0], sums[1], sums[2]), weight));
+    sum->transmittance = add3(sum->transmittance, scale3(f3(sums[3], sums[4], sums[5]), weight));
+    sum->stopped += weight * sums[6];
+    sum->stopped_at += weight * sums[7];
+    sum->weight += weight;
 }
 
 // The mean radiance behind the medium over the sub-pixel positions of pixels.

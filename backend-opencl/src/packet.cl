@@ -171,10 +171,10 @@ INLINE void together(F4 v, float4 *to) {
     vstore16(lanes.last, 1, (float *)to);
 }
 
-int any_lane(M m) {
+int or_of_lanes(M m) {
     int4 four = m.lo | m.hi;
     int2 two = four.lo | four.hi;
-    return (two.x | two.y) != 0;
+    return two.x | two.y;
 }
 
 float total(F v) {
@@ -226,11 +226,11 @@ INLINE void together(F4 v, float4 *to) {
     vstore16(high.last, 3, (float *)to);
 }
 
-int any_lane(M m) {
+int or_of_lanes(M m) {
     int8 eight = m.lo | m.hi;
     int4 four = eight.lo | eight.hi;
     int2 two = four.lo | four.hi;
-    return (two.x | two.y) != 0;
+    return two.x | two.y;
 }
 
 float total(F v) {
@@ -255,6 +255,17 @@ int largest_index(I v) {
 }
 
 #endif
+
+// LLVM asks a register of masks, where it is told what is asked.
+#ifdef __has_builtin
+#if __has_builtin(__builtin_reduce_or)
+#define or_of_lanes(m) __builtin_reduce_or(m)
+#endif
+#endif
+
+INLINE int any_lane(M m) {
+    return or_of_lanes(m) != 0;
+}
 
 #define smallest_lane(v) (-largest_lane(-(v)))
 
@@ -422,15 +433,43 @@ void put_row(F v, __global float *to, uint count) {
     }
 }
 
+// Adds the first `count` lanes to what is there, one behind the other.
+void add_row(F v, __global float *to, uint count) {
+    if (count == WIDTH) {
+        unpack(pack(to) + v, to);
+        return;
+    }
+    float values[WIDTH];
+    unpack(v, values);
+    for (uint i = 0u; i < count; i++) {
+        to[i] += values[i];
+    }
+}
+
+// Stores the first `count` lanes, `hop` floats apart.
+INLINE void put_apart(F v, __global float *to, uint hop, uint count) {
+    float values[WIDTH];
+    unpack(v, values);
+    // Else LLVM makes scatters of the loop, which are slower than stores one by one on some processors.
+#pragma clang loop vectorize(disable)
+    for (uint i = 0u; i < count; i++) {
+        to[i * hop] = values[i];
+    }
+}
+
 // Stores the first `count` lanes as four floats each, the last of them zero.
 INLINE void put_colors(F3 v, __global float *to, uint count) {
     float4 values[WIDTH];
     together(f4(v, (F)(0.0f)), values);
     if (count == WIDTH) {
+#if WIDTH == 1
+        vstore4(values[0], 0, to);
+#else
 #pragma unroll
-        for (uint i = 0u; i < WIDTH; i++) {
-            vstore4(values[i], i, to);
+        for (uint i = 0u; i < WIDTH / 4u; i++) {
+            vstore16(vload16(i, (const float *)values), i, to);
         }
+#endif
         return;
     }
     for (uint i = 0u; i < count; i++) {

@@ -129,7 +129,14 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Trace(_) => (file!("trace.cl"), packets(1)),
         Stage::Shade(_) => (file!("shade.cl"), packets(1)),
         Stage::Shadow(_) => (file!("shadow.cl"), packets(1)),
-        Stage::Upsample(_) => (file!("upsample.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Upsample(_) => (
+            file!("upsample.cl"),
+            match lanes {
+                Lanes::One => scalars(March::BLOCK * March::BLOCK),
+                // A block an item.
+                Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
+            },
+        ),
         Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Coarsen(_) => (file!("coarsen.cl"), rows),
         Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
@@ -142,10 +149,10 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
                 Lanes::One => scalars(1),
                 Lanes::Eight | Lanes::Sixteen if evaluate.params.folded == 1 => ((1, 1), wide),
                 // Rows of an item.
-                Lanes::Eight | Lanes::Sixteen => ((1, EVALUATE_ROWS), wide),
+                Lanes::Eight | Lanes::Sixteen => ((1, evaluate_rows(wide)), wide),
             },
         ),
-        Stage::Reconstruct(_) => (file!("reconstruct.cl"), scalars(1)),
+        Stage::Reconstruct(_) => (file!("reconstruct.cl"), ((1, reconstruct_cells(lanes)), 1)),
         Stage::Photons(_) => (file!("photons.cl"), scalars(1)),
         Stage::Classify(_) => (file!("classify.cl"), packets(Classify::PACK)),
     };
@@ -169,13 +176,20 @@ pub(crate) struct Dispatch {
 /// Work-items of a team where each is a lane.
 const TEAM: u32 = 256;
 
-/// Rows that a work-item of `evaluate` goes through together, where it has packets.
-const EVALUATE_ROWS: u32 = 4;
+/// Rows that a work-item of `evaluate` goes through together: of sixteen lanes as many as leave its sums in registers.
+fn evaluate_rows(lanes: u32) -> u32 {
+    if lanes == 1 { 1 } else { lanes / 2 }
+}
+
+/// Cells that a work-item of `reconstruct` goes through: some where it is a core's, which keeps what they share.
+fn reconstruct_cells(lanes: Lanes) -> u32 {
+    if lanes == Lanes::One { 1 } else { 16 }
+}
 
 /// Packets of cells from which a work-item of `project` fills its own.
 const PROJECT_PACKETS: u32 = 4;
 
-/// Coefficients that a work-item of `sweep` adds up.
+/// Coefficients that a work-item of `sweep` adds up side by side. As many as there are, a square, are some times four or one more.
 const SWEEP_TAKEN: u32 = 4;
 
 /// The most slabs of a field: each is an argument of its kernels.
@@ -217,7 +231,9 @@ impl Source {
         let count = sequential.unwrap_or(units.len() as u32);
         let items = (u64::from(count) * u64::from(of)).div_ceil(u64::from(each));
         let units = if sequential.is_some() { 1 } else { count };
-        Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team: None, scratch: 0 })
+        // An item of some packets is much work, and some are of empty cells: cores take them one by one.
+        let team = (matches!(stage, Stage::Project(_)) && self.width > 1).then_some(1);
+        Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team, scratch: 0 })
     }
 
     /// The steps of a batch follow each other within a dispatch, in which the work-items of a direction are a team; its
@@ -226,7 +242,9 @@ impl Source {
         let (batch, step) = (launch.start / p.batch_steps(), launch.start % p.batch_steps());
         let steps = p.cells[3];
         if step == steps {
-            let count = p.count().div_ceil(self.width) * p.coefficients.div_ceil(SWEEP_TAKEN);
+            // Packets take all coefficients, so that radiance is read from memory once.
+            let parts = if self.width > 1 { 1 } else { p.coefficients.div_ceil(SWEEP_TAKEN) };
+            let count = p.count().div_ceil(self.width) * parts;
             return Ok(Dispatch {
                 launch: Launch { count, ..launch },
                 units: 1,
@@ -274,11 +292,15 @@ impl Source {
         // Writing to a String cannot fail.
         out += &self.recipe.prelude(OPENCL, shapes);
         out += &Launch::text(OPENCL);
-        for (name, value) in
-            [("EVALUATE_ROWS", EVALUATE_ROWS), ("PROJECT_PACKETS", PROJECT_PACKETS), ("SWEEP_TAKEN", SWEEP_TAKEN)]
-        {
+        for (name, value) in [
+            ("EVALUATE_ROWS", evaluate_rows(self.width)),
+            ("PROJECT_PACKETS", PROJECT_PACKETS),
+            ("SWEEP_TAKEN", SWEEP_TAKEN),
+        ] {
             let _ = writeln!(out, "#define {name} {value}u");
         }
+        // Units of a work-item, where it takes several.
+        let _ = writeln!(out, "#define EACH {}u", self.items.1);
         let _ = writeln!(out, "#define WIDTH {}\n{PACKET}", self.width);
         let params = self.recipe.params;
         let _ = writeln!(out, "typedef struct {{\n    {params} params;\n    Launch launch;\n}} Constants;");

@@ -7,7 +7,7 @@ use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
 /// Between them they take the branches that packets and scalars write differently.
-const CASES: [&str; 14] = [
+const CASES: [&str; 20] = [
     "stage::reduce::two_fields",
     "stage::reduce::probes",
     "stage::coarsen::own_emission",
@@ -17,10 +17,16 @@ const CASES: [&str; 14] = [
     "stage::relight::layers_with_emission",
     "stage::trace::room",
     "stage::sweep::everything_between_surfaces",
+    "stage::sweep::colored_scattering",
+    "stage::evaluate::nine_moments",
+    "stage::reconstruct::one_moment",
+    "stage::reconstruct::layers_of_channels",
+    "stage::classify::seen",
     "stage::march::everything",
     "stage::accumulate::eye_aside",
     "stage::accumulate::rims_moved",
     "stage::upsample::half_size_rims",
+    "stage::upsample::quarter_size",
     "stage::upsample::quarter_size_normals",
 ];
 
