@@ -184,7 +184,9 @@ const WGPU: Backend = Backend {
     folder: "backend-wgpu/kernels",
     ending: "wgsl",
     own: &[
-        ("maximum", "five", "voxels whose lookups do not wait for each other"),
+        ("maximum", "following", "rows that are looked up together"),
+        ("maximum", "four", "rows that are looked up together"),
+        ("maximum", "largest", "rows that are looked up together"),
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
         ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
         ("evaluate", "moments", "eight rows share the light where drivers run on processors"),
