@@ -181,6 +181,8 @@ pub(crate) struct Source {
     /// Whether an invocation takes a unit of the work axis, or an item of a unit where the stage is sequential; else a
     /// workgroup does, whose size is the stage's.
     pub(crate) alone: bool,
+    /// Units that an invocation takes on drivers that run on processors, where it takes one elsewhere.
+    each: u32,
     file: KernelFile,
     recipe: Recipe,
 }
@@ -209,7 +211,11 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Photons(_) => (file!("photons.wgsl"), true),
         Stage::Classify(_) => (file!("classify.wgsl"), false),
     };
-    Source { name: stage.name(), alone, file, recipe: Recipe::of(stage) }
+    let each = match stage {
+        Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => 4,
+        _ => 1,
+    };
+    Source { name: stage.name(), alone, each, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {
@@ -223,6 +229,7 @@ impl Source {
     /// processors, if that is what `known` says.
     pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
         match (self.alone, self.name) {
+            (true, _) if known => units * self.each,
             (true, _) => units,
             (false, "project") if known => CELLS,
             (false, "classify") => PACKS,

@@ -157,7 +157,7 @@ impl Store {
                 (BindingAccess::Write(bytes), Some(_)) if holds == Some(binding.name) => bytes,
                 _ => continue,
             };
-            if texels::fits(bytes, words(binding.element), limits) {
+            if texels::fits(bytes, words(binding.name, binding.element), limits) {
                 take(index, 1);
             }
         }
@@ -170,7 +170,7 @@ impl Store {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get_mut(&id)) else {
                 continue;
             };
-            let words = words(binding.element);
+            let words = words(binding.name, binding.element);
             if !memory.texels.iter().any(|texels| texels.of(words)) {
                 memory.texels.push(Texels::new(gpu, memory.bytes, words)?);
             }
@@ -183,7 +183,7 @@ impl Store {
         let mut copies = Vec::new();
         for (index, binding) in bindings.iter().enumerate() {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get(&id)) else { continue };
-            let words = words(binding.element);
+            let words = words(binding.name, binding.element);
             let ready = |texels: &&Texels| texels.of(words) && texels.fresh.get();
             if fetched.has(index) && memory.texels.iter().any(|texels| ready(&texels)) {
                 continue;
@@ -203,7 +203,7 @@ impl Store {
         for (index, binding) in bindings.iter().enumerate() {
             let memory = binding.id.and_then(|id| self.buffer(id).ok());
             if let (BindingAccess::Write(_), Some(memory)) = (binding.access, memory) {
-                memory.changed(fetched.has(index).then(|| words(binding.element)));
+                memory.changed(fetched.has(index).then(|| words(binding.name, binding.element)));
             }
         }
     }
@@ -240,7 +240,7 @@ impl Store {
                     bound.textures.extend(atlas.map(|atlas| (index_binding(index), &atlas.index_view)));
                 }
                 (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) if fetched.has(index) => {
-                    let words = words(binding.element);
+                    let words = words(binding.name, binding.element);
                     let copies = self.buffer(id)?.texels.iter().filter(|texels| texels.of(words));
                     bound.textures.extend(copies.map(|texels| (slab_binding(index, 0), &texels.view)));
                 }

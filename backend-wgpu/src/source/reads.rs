@@ -10,9 +10,13 @@ use super::{WGSL, slab_binding};
 /// Texels in a row of a buffer's copy; a power of two, whose rows of texels of any size a copy may begin at.
 pub(crate) const TEXELS_ACROSS: u32 = 1 << 14;
 
-/// Words of a texel of the copy that an element is read from.
-pub(crate) fn words(element: KernelElement) -> u32 {
+/// Buffers of floats that kernels read by four of them that follow each other, of `evaluate` and `sweep`.
+const FOURS: [&str; 3] = ["matrices", "light", "sources"];
+
+/// Words of a texel of the copy that an element of the binding `name` is read from.
+pub(crate) fn words(name: &str, element: KernelElement) -> u32 {
     match element {
+        KernelElement::Scalar(KernelScalar::F32) if FOURS.contains(&name) => 4,
         // Two words are texels of their own: those that nobody asks for are not read, and words are gathered.
         KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) | KernelElement::Atomic | KernelElement::F32x2 => {
             1
@@ -21,10 +25,20 @@ pub(crate) fn words(element: KernelElement) -> u32 {
     }
 }
 
-/// From memory: the buffer, and the function that reads an element.
+/// Whether kernels read a buffer of floats by fours.
+fn by_fours(shape: &Shape) -> bool {
+    shape.element == KernelElement::Scalar(KernelScalar::F32) && words(shape.name, shape.element) == 4
+}
+
+/// From memory: the buffer, and the functions that read an element, and four that follow each other.
 pub(crate) fn memory(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
-    format!(
+    let fours = format!(
+        "fn four_{name}(i: u32) -> vec4<f32> {{\n    return vec4<f32>({name}[4u * i], {name}[4u * i + 1u], {name}[4u * i + 2u], \
+         {name}[4u * i + 3u]);\n}}\n"
+    );
+    let fours = if by_fours(shape) { fours } else { String::new() };
+    fours + &format!(
         "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
          {{\n    return {name}[i];\n}}\nfn length_{name}() -> u32 {{\n    return arrayLength(&{name});\n}}\n"
     )
@@ -61,6 +75,10 @@ pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
     let body = match shape.element {
         KernelElement::Scalar(KernelScalar::U32) => format!("    return {}.x;\n", load("i")),
         KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),
+        KernelElement::Scalar(KernelScalar::F32) if by_fours(shape) => format!(
+            "    let four = four_{name}(i >> 2u);\n    let near = select(four.x, four.y, (i & 1u) == 1u);\n    let far = \
+             select(four.z, four.w, (i & 1u) == 1u);\n    return select(near, far, (i & 2u) == 2u);\n"
+        ),
         KernelElement::Scalar(KernelScalar::F32) => format!("    return bitcast<f32>({}.x);\n", load("i")),
         KernelElement::Scalar(KernelScalar::F32x4) => format!("    return bitcast<vec4<f32>>({});\n", load("i")),
         KernelElement::F32x2 => {
@@ -70,8 +88,10 @@ pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
         KernelElement::Atomic => format!("    return bitcast<i32>({}.x);\n", load("i")),
         KernelElement::Struct(of) => record(&fields(structs, of), of, load),
     };
-    let format = if words(shape.element) == 1 { "r32uint" } else { "rgba32uint" };
-    format!(
+    let format = if words(name, shape.element) == 1 { "r32uint" } else { "rgba32uint" };
+    let fours = format!("fn four_{name}(i: u32) -> vec4<f32> {{\n    return bitcast<vec4<f32>>({});\n}}\n", load("i"));
+    let fours = if by_fours(shape) { fours } else { String::new() };
+    fours + &format!(
         "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
          {{\n{body}}}\nfn length_{name}() -> u32 {{\n    return textureDimensions({name}).x;\n}}\n"
     )
