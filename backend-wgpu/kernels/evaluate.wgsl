@@ -73,15 +73,15 @@ fn moments(row: u32) -> array<mat3x4<f32>, 2> {
     let begin = head + vec3<u32>(0u, functions, 2u * functions);
     let at = begin / 4u;
     let off = begin % 4u;
-    var red = four_light(at.x);
-    var green = four_light(at.y);
-    var blue = four_light(at.z);
+    var red = read_four_light(at.x);
+    var green = read_four_light(at.y);
+    var blue = read_four_light(at.z);
     let near = (first + head) / 4u;
     let far = (second + head) / 4u;
     for (var t = 0u; t < fours; t++) {
-        let next_red = four_light(at.x + t + 1u);
-        let next_green = four_light(at.y + t + 1u);
-        let next_blue = four_light(at.z + t + 1u);
+        let next_red = read_four_light(at.x + t + 1u);
+        let next_green = read_four_light(at.y + t + 1u);
+        let next_blue = read_four_light(at.z + t + 1u);
         let r = from_two(red, next_red, off.x);
         let g = from_two(green, next_green, off.y);
         let b = from_two(blue, next_blue, off.z);
@@ -103,10 +103,10 @@ fn from_two(a: vec4<f32>, b: vec4<f32>, off: u32) -> vec4<f32> {
 
 // What a texel of each of four rows makes of light.
 fn arriving(at: vec4<u32>, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) -> mat3x4<f32> {
-    let a = four_matrices(at.x);
-    let b = four_matrices(at.y);
-    let c = four_matrices(at.z);
-    let d = four_matrices(at.w);
+    let a = read_four_matrices(at.x);
+    let b = read_four_matrices(at.y);
+    let c = read_four_matrices(at.z);
+    let d = read_four_matrices(at.w);
     return mat3x4<f32>(
         vec4<f32>(dot(a, red), dot(b, red), dot(c, red), dot(d, red)),
         vec4<f32>(dot(a, green), dot(b, green), dot(c, green), dot(d, green)),

@@ -47,11 +47,27 @@ fn restored(channel: u32, row: u32, j: u32) -> vec3<f32> {
     let cluster = min(read_clusters(place), params.clusters - 1u);
     var at = (channel * params.clusters + cluster) * (1u + params.components) * moments + j;
     var sum = read_radiance(at).xyz;
-    for (var i = 0u; i < params.components; i++) {
-        at += moments;
-        sum += read_weights(place * params.components + i) * read_radiance(at).xyz;
+    for (var i = 0u; i < params.components; i += 4u) {
+        let weights = four_of(place, i);
+        for (var n = 0u; n < min(4u, params.components - i); n++) {
+            at += moments;
+            sum += weights[n] * read_radiance(at).xyz;
+        }
     }
     return sum;
+}
+
+// What a row weighs four components.
+fn four_of(place: u32, i: u32) -> vec4<f32> {
+    let first = place * params.components + i;
+    if params.components % 4u == 0u {
+        return read_four_weights(first / 4u);
+    }
+    let last = place * params.components + params.components - 1u;
+    return vec4<f32>(
+        read_weights(first), read_weights(min(first + 1u, last)), read_weights(min(first + 2u, last)),
+        read_weights(min(first + 3u, last)),
+    );
 }
 
 // Unit direction in the world from the eye to a cell's center; +Z where the cell is at the eye.

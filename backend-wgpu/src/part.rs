@@ -186,6 +186,16 @@ impl Part {
         }
     }
 
+    /// Buffers of floats that it reads by four that follow each other.
+    pub(crate) fn fours(&self) -> &'static [&'static str] {
+        match self.name {
+            "evaluate" => &["matrices", "light"],
+            "reconstruct" => &["weights"],
+            "sweep_toward" => &["sources"],
+            _ => &[],
+        }
+    }
+
     /// What the kernel may know of the parameters.
     pub(crate) fn places(&self) -> Vec<Place> {
         match &self.kernel {

@@ -120,19 +120,33 @@ fn helper(helper: Helper) -> KernelFile {
     }
 }
 
-/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies.
+/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies; and of which
+/// buffers of words a texel is four.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(crate) struct Fetched(u32);
+pub(crate) struct Fetched {
+    all: u32,
+    fours: u32,
+}
 
 impl Fetched {
     /// With the binding `index` too.
     pub(crate) fn with(self, index: usize) -> Self {
-        Self(self.0 | 1 << index)
+        Self { all: self.all | 1 << index, ..self }
+    }
+
+    /// With the binding `index` too, four words at a time.
+    pub(crate) fn with_fours(self, index: usize) -> Self {
+        Self { fours: self.fours | 1 << index, ..self.with(index) }
     }
 
     /// Whether the binding `index` is one of them.
     pub(crate) fn has(self, index: usize) -> bool {
-        self.0 >> index & 1 == 1
+        self.all >> index & 1 == 1
+    }
+
+    /// Words of a texel of the copy that the binding `index`, of such elements, is read from.
+    pub(crate) fn words(self, index: usize, element: KernelElement) -> u32 {
+        if self.fours >> index & 1 == 1 { 4 } else { words(element) }
     }
 }
 
@@ -264,7 +278,7 @@ impl Source {
         }
         for (index, shape) in shapes.iter().enumerate() {
             prelude += &match shape.kind {
-                ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, &structs),
+                ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, fetched, &structs),
                 ShapeKind::Read => reads::memory(shape, index),
                 ShapeKind::Write => buffer(shape, index),
                 ShapeKind::Field { bricks: true, format, .. } => {

@@ -5,18 +5,14 @@ use std::ops::Range;
 
 use airlight_core::device::{KernelElement, KernelScalar, Shape};
 
-use super::{WGSL, slab_binding};
+use super::{Fetched, WGSL, slab_binding};
 
 /// Texels in a row of a buffer's copy; a power of two, whose rows of texels of any size a copy may begin at.
 pub(crate) const TEXELS_ACROSS: u32 = 1 << 14;
 
-/// Buffers of floats that kernels read by four of them that follow each other, of `evaluate` and `sweep`.
-const FOURS: [&str; 3] = ["matrices", "light", "sources"];
-
-/// Words of a texel of the copy that an element of the binding `name` is read from.
-pub(crate) fn words(name: &str, element: KernelElement) -> u32 {
+/// Words of a texel of the copy that an element is read from, where kernels do not read four words at a time.
+pub(crate) fn words(element: KernelElement) -> u32 {
     match element {
-        KernelElement::Scalar(KernelScalar::F32) if FOURS.contains(&name) => 4,
         // Two words are texels of their own: those that nobody asks for are not read, and words are gathered.
         KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) | KernelElement::Atomic | KernelElement::F32x2 => {
             1
@@ -25,23 +21,25 @@ pub(crate) fn words(name: &str, element: KernelElement) -> u32 {
     }
 }
 
-/// Whether kernels read a buffer of floats by fours.
-fn by_fours(shape: &Shape) -> bool {
-    shape.element == KernelElement::Scalar(KernelScalar::F32) && words(shape.name, shape.element) == 4
+/// The function that reads the floats 4 i to 4 i + 3 of a buffer.
+fn four(shape: &Shape, body: &str) -> String {
+    match shape.element {
+        KernelElement::Scalar(KernelScalar::F32) => {
+            format!("fn read_four_{}(i: u32) -> vec4<f32> {{\n    return {body};\n}}\n", shape.name)
+        }
+        _ => String::new(),
+    }
 }
 
 /// From memory: the buffer, and the functions that read an element, and four that follow each other.
 pub(crate) fn memory(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
-    let fours = format!(
-        "fn four_{name}(i: u32) -> vec4<f32> {{\n    return vec4<f32>({name}[4u * i], {name}[4u * i + 1u], {name}[4u * i + 2u], \
-         {name}[4u * i + 3u]);\n}}\n"
-    );
-    let fours = if by_fours(shape) { fours } else { String::new() };
-    fours + &format!(
-        "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
+    let words = [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u]")).join(", ");
+    four(shape, &format!("vec4<f32>({words})"))
+        + &format!(
+            "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
          {{\n    return {name}[i];\n}}\nfn length_{name}() -> u32 {{\n    return arrayLength(&{name});\n}}\n"
-    )
+        )
 }
 
 /// Kept in a texture, which takes the place of memory: the texture, and the functions that read and write an element of one word.
@@ -67,16 +65,18 @@ fn place(n: &str) -> String {
     format!("vec2<u32>({n} & {}u, {n} >> {shift}u)", TEXELS_ACROSS - 1)
 }
 
-/// From a copy: the texture, and the function that puts an element together. `structs` is the text of the kernel's structs.
-pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
+/// From a copy: the texture, and the functions that put an element together, and four that follow each other. `structs` is the text
+/// of the kernel's structs.
+pub(crate) fn texels(shape: &Shape, index: usize, fetched: Fetched, structs: &str) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     let binding = slab_binding(index, 0);
     let load = |n: &str| format!("textureLoad({name}, {})", place(n));
+    let words = fetched.words(index, shape.element);
     let body = match shape.element {
         KernelElement::Scalar(KernelScalar::U32) => format!("    return {}.x;\n", load("i")),
         KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),
-        KernelElement::Scalar(KernelScalar::F32) if by_fours(shape) => format!(
-            "    let four = four_{name}(i >> 2u);\n    let near = select(four.x, four.y, (i & 1u) == 1u);\n    let far = \
+        KernelElement::Scalar(KernelScalar::F32) if words == 4 => format!(
+            "    let four = read_four_{name}(i >> 2u);\n    let near = select(four.x, four.y, (i & 1u) == 1u);\n    let far = \
              select(four.z, four.w, (i & 1u) == 1u);\n    return select(near, far, (i & 2u) == 2u);\n"
         ),
         KernelElement::Scalar(KernelScalar::F32) => format!("    return bitcast<f32>({}.x);\n", load("i")),
@@ -88,13 +88,18 @@ pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
         KernelElement::Atomic => format!("    return bitcast<i32>({}.x);\n", load("i")),
         KernelElement::Struct(of) => record(&fields(structs, of), of, load),
     };
-    let format = if words(name, shape.element) == 1 { "r32uint" } else { "rgba32uint" };
-    let fours = format!("fn four_{name}(i: u32) -> vec4<f32> {{\n    return bitcast<vec4<f32>>({});\n}}\n", load("i"));
-    let fours = if by_fours(shape) { fours } else { String::new() };
-    fours + &format!(
-        "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
+    let format = if words == 1 { "r32uint" } else { "rgba32uint" };
+    let of_four = if words == 1 {
+        let words = [0, 1, 2, 3].map(|n| format!("read_{name}(4u * i + {n}u)")).join(", ");
+        format!("vec4<f32>({words})")
+    } else {
+        format!("bitcast<vec4<f32>>({})", load("i"))
+    };
+    four(shape, &of_four)
+        + &format!(
+            "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
          {{\n{body}}}\nfn length_{name}() -> u32 {{\n    return textureDimensions({name}).x;\n}}\n"
-    )
+        )
 }
 
 /// Names and types of a struct's fields, from its generated text: a line each.

@@ -39,7 +39,7 @@ fn sweep_toward(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_
 // The moments of four cells that follow each other, of so many: a whole texel of their copy where layers of them are.
 fn of_four(place: vec4<u32>, cells: u32) -> vec4<f32> {
     if cells % 4u == 0u {
-        return four_sources(place.x / 4u);
+        return read_four_sources(place.x / 4u);
     }
     return vec4<f32>(read_sources(place.x), read_sources(place.y), read_sources(place.z), read_sources(place.w));
 }
