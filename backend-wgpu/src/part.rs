@@ -293,7 +293,7 @@ impl WgpuDevice {
                         Kind::Moments,
                         bindings,
                         None,
-                        (step, fours.next_multiple_of(self.units) * of_four),
+                        (step, p.count().div_ceil(8).next_multiple_of(self.units) * of_four),
                     ));
                 } else {
                     let sequential = Some(p.count() * of_four);

@@ -193,6 +193,7 @@ const WGPU: Backend = Backend {
         ("evaluate", "from_two", "texels of light that rows read by fours need"),
         ("evaluate", "arriving", "rows that share the light"),
         ("evaluate", "keep", "rows that share the light"),
+        ("reconstruct", "four_of", "weights of four components that are read at once"),
         ("project", "near", "cells of a packet whose rays lie close"),
         ("classify", "write", "four voxels share the control points and where they are"),
     ],
