@@ -49,10 +49,17 @@ fn restored(channel: u32, row: u32, j: u32) -> vec3<f32> {
     var sum = read_radiance(at).xyz;
     for (var i = 0u; i < params.components; i += 4u) {
         let weights = four_of(place, i);
-        for (var n = 0u; n < min(4u, params.components - i); n++) {
-            at += moments;
-            sum += weights[n] * read_radiance(at).xyz;
+        sum += weights.x * read_radiance(at + moments).xyz;
+        if i + 1u < params.components {
+            sum += weights.y * read_radiance(at + 2u * moments).xyz;
         }
+        if i + 2u < params.components {
+            sum += weights.z * read_radiance(at + 3u * moments).xyz;
+        }
+        if i + 3u < params.components {
+            sum += weights.w * read_radiance(at + 4u * moments).xyz;
+        }
+        at += 4u * moments;
     }
     return sum;
 }

@@ -88,7 +88,7 @@ impl Resource {
         match spec {
             ResourceSpec::Buffer { bytes, .. } => {
                 // A binding holds at least one element, also where nothing is in it; copies end with a whole texel.
-                let size = bytes.next_multiple_of(16).max(16);
+                let size = bytes.checked_next_multiple_of(16).unwrap_or(*bytes).max(16);
                 if size > limits.buffer_bytes {
                     let (what, limit) = ("a buffer", limits.buffer_bytes);
                     return Err(DeviceError::Limit { what, requested: size, limit });
