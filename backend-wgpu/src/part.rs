@@ -188,11 +188,10 @@ impl Part {
 
     /// Buffers of floats that it reads by four that follow each other.
     pub(crate) fn fours(&self) -> &'static [&'static str] {
-        match self.name {
-            "evaluate" => &["matrices", "light"],
-            "reconstruct" => &["weights"],
-            "sweep_toward" => &["sources"],
-            _ => &[],
+        match &self.kernel {
+            Kernel::Stage(source) => source.fours,
+            Kernel::Sweep(Kind::Toward) => &["sources"],
+            Kernel::Sweep(Kind::Rows | Kind::Moments) => &[],
         }
     }
 

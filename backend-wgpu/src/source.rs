@@ -197,6 +197,8 @@ pub(crate) struct Source {
     pub(crate) alone: bool,
     /// Units that an invocation takes on drivers that run on processors, where it takes one elsewhere.
     each: u32,
+    /// Buffers of floats that it reads by four that follow each other.
+    pub(crate) fours: &'static [&'static str],
     file: KernelFile,
     recipe: Recipe,
 }
@@ -225,11 +227,13 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Photons(_) => (file!("photons.wgsl"), true),
         Stage::Classify(_) => (file!("classify.wgsl"), false),
     };
-    let each = match stage {
-        Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => 4,
-        _ => 1,
+    let (each, fours): (u32, &[&str]) = match stage {
+        // Folded ones take a row at a time.
+        Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
+        Stage::Reconstruct(_) => (1, &["weights"]),
+        _ => (1, &[]),
     };
-    Source { name: stage.name(), alone, each, file, recipe: Recipe::of(stage) }
+    Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {

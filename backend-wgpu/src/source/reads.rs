@@ -1,4 +1,4 @@
-//! `read_NAME`, by which kernels read an element of a buffer that they do not write.
+//! `read_NAME`, by which kernels read an element of a buffer that they do not write, and `read_four_NAME`, by which they read four floats.
 
 use std::iter;
 use std::ops::Range;
