@@ -21,58 +21,62 @@ fn gathered_FIELD(cell: vec3<u32>, before: vec2<f32>) -> vec2<f32> {
     }
     var sum = before.x;
     var most = before.y;
-    var j = lo.y + i32(params.row_begin % across);
-    var k = lo.z + i32(params.row_begin / across);
+    var at = vec2<i32>(lo.y + i32(params.row_begin % across), lo.z + i32(params.row_begin / across));
     let last = min(params.row_end, rows);
-    // Five voxels of two rows a turn, whose lookups do not wait for each other: rows are ten where cells share a side with blocks.
-    for (var row = params.row_begin; row < last; row += 2u) {
-        let next = select(vec2<i32>(j + 1, k), vec2<i32>(lo.y, k + 1), j == hi.y);
-        // Nothing of the second row where there is none.
-        let end_of_next = select(lo.x - 1, hi.x, row + 1u < last);
-        var of_row = 0.0;
-        var of_next = 0.0;
-        for (var i = lo.x; i <= hi.x; i += 5) {
-            let zeros = min(empty_FIELD(vec3<i32>(i, j, k)), empty_FIELD(vec3<i32>(i, next)));
+    // Two voxels of four rows a turn: what each row begins with is asked for before the rest, for that is what is far away.
+    for (var row = params.row_begin; row < last; row += 4u) {
+        // After the last row it is that one again, and weighs nothing.
+        let there = row + vec4<u32>(0u, 1u, 2u, 3u) < vec4<u32>(last);
+        let b = select(at, following_FIELD(at, lo.y, hi.y), there.y);
+        let c = select(b, following_FIELD(b, lo.y, hi.y), there.z);
+        let d = select(c, following_FIELD(c, lo.y, hi.y), there.w);
+        let weights = vec4<f32>(
+            share(begin.y, end.y, at.x) * share(begin.z, end.z, at.y), share(begin.y, end.y, b.x) * share(begin.z, end.z, b.y),
+            share(begin.y, end.y, c.x) * share(begin.z, end.z, c.y), share(begin.y, end.y, d.x) * share(begin.z, end.z, d.y),
+        );
+        let weighed = select(vec4<f32>(0.0), weights, there);
+        let y = vec4<i32>(at.x, b.x, c.x, d.x);
+        let z = vec4<i32>(at.y, b.y, c.y, d.y);
+        var of_rows = vec4<f32>(0.0);
+        for (var i = lo.x; i <= hi.x; i += 2) {
+            let zeros = min(
+                min(empty_FIELD(vec3<i32>(i, at)), empty_FIELD(vec3<i32>(i, b))),
+                min(empty_FIELD(vec3<i32>(i, c)), empty_FIELD(vec3<i32>(i, d))),
+            );
             if zeros > 0 {
-                i += zeros - 5;
+                i += zeros - 2;
                 continue;
             }
-            let a = five_FIELD(vec3<i32>(i, j, k), hi.x, size);
-            let b = five_FIELD(vec3<i32>(i, next), end_of_next, size);
-            let first = share(begin.x, end.x, i);
-            let rest = vec4<f32>(
-                share(begin.x, end.x, i + 1), share(begin.x, end.x, i + 2),
-                share(begin.x, end.x, i + 3), share(begin.x, end.x, i + 4),
-            );
-            of_row += first * a.first + dot(rest, a.rest);
-            of_next += first * b.first + dot(rest, b.rest);
-            most = larger(most, larger(a.most, b.most));
+            let here = four_FIELD(i, y, z, size);
+            let next = select(vec4<f32>(0.0), four_FIELD(i + 1, y, z, size), i < hi.x);
+            of_rows += share(begin.x, end.x, i) * here + share(begin.x, end.x, i + 1) * next;
+            most = larger(most, larger(largest_FIELD(here), largest_FIELD(next)));
         }
-        sum += share(begin.y, end.y, j) * share(begin.z, end.z, k) * of_row;
-        sum += share(begin.y, end.y, next.x) * share(begin.z, end.z, next.y) * of_next;
-        j = select(next.x + 1, lo.y, next.x == hi.y);
-        k = select(next.y, next.y + 1, next.x == hi.y);
+        // One after the other, so that sums do not depend on where a pass ends.
+        sum += weighed.x * of_rows.x;
+        sum += weighed.y * of_rows.y;
+        sum += weighed.z * of_rows.z;
+        sum += weighed.w * of_rows.w;
+        at = following_FIELD(d, lo.y, hi.y);
     }
     return vec2<f32>(sum, most);
 }
 
-// Five voxels of a row.
-struct Five_FIELD {
-    first: f32,
-    rest: vec4<f32>,
-    most: f32,
+// The row of a cell after one, along y and then z.
+fn following_FIELD(at: vec2<i32>, first: i32, last: i32) -> vec2<i32> {
+    return select(vec2<i32>(at.x + 1, at.y), vec2<i32>(first, at.y + 1), at.x == last);
 }
 
-// Five voxels of a row from `at` on; zero beyond `last`.
-fn five_FIELD(at: vec3<i32>, last: i32, size: vec3<i32>) -> Five_FIELD {
-    let i = at.x + vec4<i32>(1, 2, 3, 4);
-    let next = vec4<f32>(
-        texel_FIELD(vec3<i32>(i.x, at.yz), size, 0), texel_FIELD(vec3<i32>(i.y, at.yz), size, 0),
-        texel_FIELD(vec3<i32>(i.z, at.yz), size, 0), texel_FIELD(vec3<i32>(i.w, at.yz), size, 0),
+// A voxel of each of four rows.
+fn four_FIELD(i: i32, y: vec4<i32>, z: vec4<i32>, size: vec3<i32>) -> vec4<f32> {
+    return vec4<f32>(
+        texel_FIELD(vec3<i32>(i, y.x, z.x), size, 0), texel_FIELD(vec3<i32>(i, y.y, z.y), size, 0),
+        texel_FIELD(vec3<i32>(i, y.z, z.z), size, 0), texel_FIELD(vec3<i32>(i, y.w, z.w), size, 0),
     );
-    let first = select(0.0, texel_FIELD(at, size, 0), at.x <= last);
-    let rest = select(vec4<f32>(0.0), next, i <= vec4<i32>(last));
-    return Five_FIELD(first, rest, larger(first, larger(larger(rest.x, rest.y), larger(rest.z, rest.w))));
+}
+
+fn largest_FIELD(a: vec4<f32>) -> f32 {
+    return larger(larger(a.x, a.y), larger(a.z, a.w));
 }
 
 // The maximum of n³ lookups, evenly spread over the cell: over the rows of this pass.

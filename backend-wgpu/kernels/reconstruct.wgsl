@@ -47,11 +47,34 @@ fn restored(channel: u32, row: u32, j: u32) -> vec3<f32> {
     let cluster = min(read_clusters(place), params.clusters - 1u);
     var at = (channel * params.clusters + cluster) * (1u + params.components) * moments + j;
     var sum = read_radiance(at).xyz;
-    for (var i = 0u; i < params.components; i++) {
-        at += moments;
-        sum += read_weights(place * params.components + i) * read_radiance(at).xyz;
+    for (var i = 0u; i < params.components; i += 4u) {
+        let weights = four_of(place, i);
+        sum += weights.x * read_radiance(at + moments).xyz;
+        if i + 1u < params.components {
+            sum += weights.y * read_radiance(at + 2u * moments).xyz;
+        }
+        if i + 2u < params.components {
+            sum += weights.z * read_radiance(at + 3u * moments).xyz;
+        }
+        if i + 3u < params.components {
+            sum += weights.w * read_radiance(at + 4u * moments).xyz;
+        }
+        at += 4u * moments;
     }
     return sum;
+}
+
+// What a row weighs four components.
+fn four_of(place: u32, i: u32) -> vec4<f32> {
+    let first = place * params.components + i;
+    if params.components % 4u == 0u {
+        return read_four_weights(first / 4u);
+    }
+    let last = place * params.components + params.components - 1u;
+    return vec4<f32>(
+        read_weights(first), read_weights(min(first + 1u, last)), read_weights(min(first + 2u, last)),
+        read_weights(min(first + 3u, last)),
+    );
 }
 
 // Unit direction in the world from the eye to a cell's center; +Z where the cell is at the eye.

@@ -107,7 +107,8 @@ impl WgpuDevice {
         };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
-            variant.fetched = self.store.fetched(&shapes, bindings, (variant.filtered, part.holds), &self.limits);
+            variant.fetched =
+                self.store.fetched(&shapes, bindings, (variant.filtered, part.holds, part.fours()), &self.limits);
         }
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };

@@ -18,7 +18,7 @@ pub(crate) enum Resource {
     Field(Volume),
 }
 
-/// A buffer and what was asked for, which it may exceed by less than a word.
+/// A buffer and what was asked for, which it may exceed by less than four words.
 #[derive(Debug)]
 pub(crate) struct Memory {
     pub(crate) buffer: Buffer,
@@ -87,8 +87,8 @@ impl Resource {
     pub(crate) fn new(gpu: &Gpu, spec: &ResourceSpec, limits: &Limits) -> Result<Self, DeviceError> {
         match spec {
             ResourceSpec::Buffer { bytes, .. } => {
-                // A binding holds at least one element, also where nothing is in it.
-                let size = bytes.next_multiple_of(4).max(16);
+                // A binding holds at least one element, also where nothing is in it; copies end with a whole texel.
+                let size = bytes.checked_next_multiple_of(16).unwrap_or(*bytes).max(16);
                 if size > limits.buffer_bytes {
                     let (what, limit) = ("a buffer", limits.buffer_bytes);
                     return Err(DeviceError::Limit { what, requested: size, limit });

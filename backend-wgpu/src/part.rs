@@ -186,6 +186,15 @@ impl Part {
         }
     }
 
+    /// Buffers of floats that it reads by four that follow each other.
+    pub(crate) fn fours(&self) -> &'static [&'static str] {
+        match &self.kernel {
+            Kernel::Stage(source) => source.fours,
+            Kernel::Sweep(Kind::Toward) => &["sources"],
+            Kernel::Sweep(Kind::Rows | Kind::Moments) => &[],
+        }
+    }
+
     /// What the kernel may know of the parameters.
     pub(crate) fn places(&self) -> Vec<Place> {
         match &self.kernel {
@@ -283,7 +292,7 @@ impl WgpuDevice {
                         Kind::Moments,
                         bindings,
                         None,
-                        (step, fours.next_multiple_of(self.units) * of_four),
+                        (step, p.count().div_ceil(8).next_multiple_of(self.units) * of_four),
                     ));
                 } else {
                     let sequential = Some(p.count() * of_four);

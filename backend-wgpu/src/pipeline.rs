@@ -11,7 +11,7 @@ use wgpu::{
 
 use crate::gpu::Gpu;
 use crate::memory::texture_format;
-use crate::source::{Fetched, Shape, ShapeKind, Text, index_binding, slab_binding, words};
+use crate::source::{Fetched, Shape, ShapeKind, Text, index_binding, slab_binding};
 use crate::texels;
 
 /// A kernel built for bindings of one shape.
@@ -50,11 +50,11 @@ fn entries(shapes: &[Shape], fetched: Fetched, filtered: bool) -> [Vec<BindGroup
     for (index, shape) in shapes.iter().enumerate() {
         match shape.kind {
             ShapeKind::Read if fetched.has(index) => {
-                let stored = stored(texels::format(words(shape.element)), TextureViewDimension::D2);
+                let stored = stored(texels::format(fetched.words(index, shape.element)), TextureViewDimension::D2);
                 textures.push(entry(slab_binding(index, 0), stored));
             }
             ShapeKind::Write if fetched.has(index) => {
-                textures.push(entry(slab_binding(index, 0), held(texels::format(words(shape.element)))));
+                textures.push(entry(slab_binding(index, 0), held(texels::format(fetched.words(index, shape.element)))));
             }
             ShapeKind::Read | ShapeKind::Write => {
                 let read_only = shape.kind == ShapeKind::Read;

@@ -120,19 +120,33 @@ fn helper(helper: Helper) -> KernelFile {
     }
 }
 
-/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies.
+/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies; and of which
+/// buffers of words a texel is four.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(crate) struct Fetched(u32);
+pub(crate) struct Fetched {
+    all: u32,
+    fours: u32,
+}
 
 impl Fetched {
     /// With the binding `index` too.
     pub(crate) fn with(self, index: usize) -> Self {
-        Self(self.0 | 1 << index)
+        Self { all: self.all | 1 << index, ..self }
+    }
+
+    /// With the binding `index` too, four words at a time.
+    pub(crate) fn with_fours(self, index: usize) -> Self {
+        Self { fours: self.fours | 1 << index, ..self.with(index) }
     }
 
     /// Whether the binding `index` is one of them.
     pub(crate) fn has(self, index: usize) -> bool {
-        self.0 >> index & 1 == 1
+        self.all >> index & 1 == 1
+    }
+
+    /// Words of a texel of the copy that the binding `index`, of such elements, is read from.
+    pub(crate) fn words(self, index: usize, element: KernelElement) -> u32 {
+        if self.fours >> index & 1 == 1 { 4 } else { words(element) }
     }
 }
 
@@ -181,6 +195,10 @@ pub(crate) struct Source {
     /// Whether an invocation takes a unit of the work axis, or an item of a unit where the stage is sequential; else a
     /// workgroup does, whose size is the stage's.
     pub(crate) alone: bool,
+    /// Units that an invocation takes on drivers that run on processors, where it takes one elsewhere.
+    each: u32,
+    /// Buffers of floats that it reads by four that follow each other.
+    pub(crate) fours: &'static [&'static str],
     file: KernelFile,
     recipe: Recipe,
 }
@@ -209,7 +227,13 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Photons(_) => (file!("photons.wgsl"), true),
         Stage::Classify(_) => (file!("classify.wgsl"), false),
     };
-    Source { name: stage.name(), alone, file, recipe: Recipe::of(stage) }
+    let (each, fours): (u32, &[&str]) = match stage {
+        // Folded ones take a row at a time.
+        Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
+        Stage::Reconstruct(_) => (1, &["weights"]),
+        _ => (1, &[]),
+    };
+    Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {
@@ -223,6 +247,7 @@ impl Source {
     /// processors, if that is what `known` says.
     pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
         match (self.alone, self.name) {
+            (true, _) if known => units * self.each,
             (true, _) => units,
             (false, "project") if known => CELLS,
             (false, "classify") => PACKS,
@@ -257,7 +282,7 @@ impl Source {
         }
         for (index, shape) in shapes.iter().enumerate() {
             prelude += &match shape.kind {
-                ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, &structs),
+                ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, fetched, &structs),
                 ShapeKind::Read => reads::memory(shape, index),
                 ShapeKind::Write => buffer(shape, index),
                 ShapeKind::Field { bricks: true, format, .. } => {

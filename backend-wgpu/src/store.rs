@@ -127,27 +127,27 @@ impl Store {
     }
 
     /// What a stage reads as storage textures, as many as there may be: fields, unless they are `filtered`, then buffers that are
-    /// there and fit a texture; and the buffer that it writes as one, if it `holds` one.
+    /// there and fit a texture, four words at a time those of `fours`; and the buffer that it writes as one, if it `holds` one.
     pub(crate) fn fetched(
         &self,
         shapes: &[Shape],
         bindings: &[Binding],
-        (filtered, holds): (bool, Option<&str>),
+        (filtered, holds, fours): (bool, Option<&str>, &[&str]),
         limits: &wgpu::Limits,
     ) -> Fetched {
         let mut left = limits.max_storage_textures_per_shader_stage;
         let mut fetched = Fetched::default();
-        let mut take = |index, textures| {
+        let mut take = |index, textures, fours| {
             if textures <= left {
                 left -= textures;
-                fetched = fetched.with(index);
+                fetched = if fours { fetched.with_fours(index) } else { fetched.with(index) };
             }
         };
         for (index, shape) in shapes.iter().enumerate() {
             match shape.kind {
                 // Not every device reads halves as storage textures.
                 ShapeKind::Field { format: FieldFormat::Half { .. }, .. } => {}
-                ShapeKind::Field { slabs, bricks, .. } if !filtered => take(index, slabs + u32::from(bricks)),
+                ShapeKind::Field { slabs, bricks, .. } if !filtered => take(index, slabs + u32::from(bricks), false),
                 _ => {}
             }
         }
@@ -157,8 +157,10 @@ impl Store {
                 (BindingAccess::Write(bytes), Some(_)) if holds == Some(binding.name) => bytes,
                 _ => continue,
             };
-            if texels::fits(bytes, words(binding.element), limits) {
-                take(index, 1);
+            let fours = fours.contains(&binding.name);
+            let words = if fours { 4 } else { words(binding.element) };
+            if texels::fits(bytes, words, limits) {
+                take(index, 1, fours);
             }
         }
         fetched
@@ -166,11 +168,11 @@ impl Store {
 
     /// Makes room for the copies that a stage reads.
     pub(crate) fn reserve(&mut self, gpu: &Gpu, bindings: &[Binding], fetched: Fetched) -> Result<(), DeviceError> {
-        for (_, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
+        for (index, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get_mut(&id)) else {
                 continue;
             };
-            let words = words(binding.element);
+            let words = fetched.words(index, binding.element);
             if !memory.texels.iter().any(|texels| texels.of(words)) {
                 memory.texels.push(Texels::new(gpu, memory.bytes, words)?);
             }
@@ -183,7 +185,7 @@ impl Store {
         let mut copies = Vec::new();
         for (index, binding) in bindings.iter().enumerate() {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get(&id)) else { continue };
-            let words = words(binding.element);
+            let words = fetched.words(index, binding.element);
             let ready = |texels: &&Texels| texels.of(words) && texels.fresh.get();
             if fetched.has(index) && memory.texels.iter().any(|texels| ready(&texels)) {
                 continue;
@@ -203,7 +205,7 @@ impl Store {
         for (index, binding) in bindings.iter().enumerate() {
             let memory = binding.id.and_then(|id| self.buffer(id).ok());
             if let (BindingAccess::Write(_), Some(memory)) = (binding.access, memory) {
-                memory.changed(fetched.has(index).then(|| words(binding.element)));
+                memory.changed(fetched.has(index).then(|| fetched.words(index, binding.element)));
             }
         }
     }
@@ -240,7 +242,7 @@ impl Store {
                     bound.textures.extend(atlas.map(|atlas| (index_binding(index), &atlas.index_view)));
                 }
                 (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) if fetched.has(index) => {
-                    let words = words(binding.element);
+                    let words = fetched.words(index, binding.element);
                     let copies = self.buffer(id)?.texels.iter().filter(|texels| texels.of(words));
                     bound.textures.extend(copies.map(|texels| (slab_binding(index, 0), &texels.view)));
                 }

@@ -35,7 +35,7 @@ pub(crate) fn format(words: u32) -> TextureFormat {
 
 /// Width and height of the copy of a buffer of so many bytes, in texels of so many words.
 pub(crate) fn extent(bytes: u64, words: u32) -> (u64, u64) {
-    let texels = (bytes / (4 * u64::from(words))).max(1);
+    let texels = bytes.div_ceil(4 * u64::from(words)).max(1);
     let across = texels.min(TEXELS_ACROSS.into());
     (across, texels.div_ceil(across))
 }
@@ -85,7 +85,7 @@ impl Copy<'_> {
     pub(crate) fn encode(&self, encoder: &mut CommandEncoder) {
         let Self { buffer, bytes, texels: Texels { texture, words, .. }, back } = self;
         let texel = 4 * u64::from(*words);
-        let count = (bytes / texel).max(1);
+        let count = bytes.div_ceil(texel).max(1);
         let across = u64::from(texture.width());
         // Whole rows, then what is left.
         for (first, width, height) in [(0, across, count / across), (count - count % across, count % across, 1)] {
@@ -120,6 +120,7 @@ mod tests {
         assert_eq!(extent(0, 1), (1, 1));
         assert_eq!(extent(28, 1), (7, 1));
         assert_eq!(extent(32, 4), (2, 1));
+        assert_eq!(extent(36, 4), (3, 1));
         assert_eq!(extent(across * 8, 2), (across, 1));
         assert_eq!(extent(across * 8 + 8, 2), (across, 2));
         assert_eq!(extent(across * 16 * 3 - 16, 4), (across, 3));

@@ -1,16 +1,16 @@
-//! `read_NAME`, by which kernels read an element of a buffer that they do not write.
+//! `read_NAME`, by which kernels read an element of a buffer that they do not write, and `read_four_NAME`, by which they read four floats.
 
 use std::iter;
 use std::ops::Range;
 
 use airlight_core::device::{KernelElement, KernelScalar, Shape};
 
-use super::{WGSL, slab_binding};
+use super::{Fetched, WGSL, slab_binding};
 
 /// Texels in a row of a buffer's copy; a power of two, whose rows of texels of any size a copy may begin at.
 pub(crate) const TEXELS_ACROSS: u32 = 1 << 14;
 
-/// Words of a texel of the copy that an element is read from.
+/// Words of a texel of the copy that an element is read from, where kernels do not read four words at a time.
 pub(crate) fn words(element: KernelElement) -> u32 {
     match element {
         // Two words are texels of their own: those that nobody asks for are not read, and words are gathered.
@@ -21,13 +21,25 @@ pub(crate) fn words(element: KernelElement) -> u32 {
     }
 }
 
-/// From memory: the buffer, and the function that reads an element.
+/// The function that reads the floats 4 i to 4 i + 3 of a buffer.
+fn four(shape: &Shape, body: &str) -> String {
+    match shape.element {
+        KernelElement::Scalar(KernelScalar::F32) => {
+            format!("fn read_four_{}(i: u32) -> vec4<f32> {{\n    return {body};\n}}\n", shape.name)
+        }
+        _ => String::new(),
+    }
+}
+
+/// From memory: the buffer, and the functions that read an element, and four that follow each other.
 pub(crate) fn memory(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
-    format!(
-        "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
+    let words = [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u]")).join(", ");
+    four(shape, &format!("vec4<f32>({words})"))
+        + &format!(
+            "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
          {{\n    return {name}[i];\n}}\nfn length_{name}() -> u32 {{\n    return arrayLength(&{name});\n}}\n"
-    )
+        )
 }
 
 /// Kept in a texture, which takes the place of memory: the texture, and the functions that read and write an element of one word.
@@ -53,14 +65,20 @@ fn place(n: &str) -> String {
     format!("vec2<u32>({n} & {}u, {n} >> {shift}u)", TEXELS_ACROSS - 1)
 }
 
-/// From a copy: the texture, and the function that puts an element together. `structs` is the text of the kernel's structs.
-pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
+/// From a copy: the texture, and the functions that put an element together, and four that follow each other. `structs` is the text
+/// of the kernel's structs.
+pub(crate) fn texels(shape: &Shape, index: usize, fetched: Fetched, structs: &str) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     let binding = slab_binding(index, 0);
     let load = |n: &str| format!("textureLoad({name}, {})", place(n));
+    let words = fetched.words(index, shape.element);
     let body = match shape.element {
         KernelElement::Scalar(KernelScalar::U32) => format!("    return {}.x;\n", load("i")),
         KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),
+        KernelElement::Scalar(KernelScalar::F32) if words == 4 => format!(
+            "    let four = read_four_{name}(i >> 2u);\n    let near = select(four.x, four.y, (i & 1u) == 1u);\n    let far = \
+             select(four.z, four.w, (i & 1u) == 1u);\n    return select(near, far, (i & 2u) == 2u);\n"
+        ),
         KernelElement::Scalar(KernelScalar::F32) => format!("    return bitcast<f32>({}.x);\n", load("i")),
         KernelElement::Scalar(KernelScalar::F32x4) => format!("    return bitcast<vec4<f32>>({});\n", load("i")),
         KernelElement::F32x2 => {
@@ -70,11 +88,18 @@ pub(crate) fn texels(shape: &Shape, index: usize, structs: &str) -> String {
         KernelElement::Atomic => format!("    return bitcast<i32>({}.x);\n", load("i")),
         KernelElement::Struct(of) => record(&fields(structs, of), of, load),
     };
-    let format = if words(shape.element) == 1 { "r32uint" } else { "rgba32uint" };
-    format!(
-        "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
+    let format = if words == 1 { "r32uint" } else { "rgba32uint" };
+    let of_four = if words == 1 {
+        let words = [0, 1, 2, 3].map(|n| format!("read_{name}(4u * i + {n}u)")).join(", ");
+        format!("vec4<f32>({words})")
+    } else {
+        format!("bitcast<vec4<f32>>({})", load("i"))
+    };
+    four(shape, &of_four)
+        + &format!(
+            "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
          {{\n{body}}}\nfn length_{name}() -> u32 {{\n    return textureDimensions({name}).x;\n}}\n"
-    )
+        )
 }
 
 /// Names and types of a struct's fields, from its generated text: a line each.

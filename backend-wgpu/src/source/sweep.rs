@@ -55,7 +55,7 @@ impl Kernel {
             prelude += &match shape.kind {
                 ShapeKind::Write if variant.fetched.has(index) => reads::held(shape, index),
                 ShapeKind::Write => buffer(shape, index) + &reads::written(shape),
-                _ if variant.fetched.has(index) => reads::texels(shape, index, &structs),
+                _ if variant.fetched.has(index) => reads::texels(shape, index, variant.fetched, &structs),
                 _ => reads::memory(shape, index),
             };
         }

@@ -55,6 +55,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
             for slabs in [1, 2, MAX_SLABS] {
                 let shapes = shapes(stage, slabs);
                 let all = (0..shapes.len()).fold(Fetched::default(), Fetched::with);
+                let fours = (0..shapes.len()).fold(Fetched::default(), Fetched::with_fours);
                 let plain = Variant::default();
                 let places = of(stage).places();
                 let [nothing, zeros, ones] = [None, Some(0), Some(1)]
@@ -64,6 +65,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                     Variant { filtered: true, ..plain },
                     Variant { gathers: true, ..plain },
                     Variant { fetched: all, known: Some(&nothing), ..plain },
+                    Variant { fetched: fours, known: Some(&nothing), ..plain },
                     Variant { fetched: all, known: Some(&zeros), ..plain },
                     Variant { fetched: all, known: Some(&ones), ..plain },
                 ];
@@ -110,7 +112,7 @@ fn sweeps_are_put_together_from_kernels_that_read_memory_and_textures() {
         let all = reads.with(shapes.len() - 1);
         let choices = match kernel {
             // Of drivers that have no use for textures too.
-            Kernel::Toward => vec![Fetched::default(), reads, all],
+            Kernel::Toward => vec![Fetched::default(), reads, reads.with_fours(1), all],
             Kernel::Rows => vec![all],
             Kernel::Moments => vec![reads],
         };
