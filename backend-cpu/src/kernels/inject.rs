@@ -218,6 +218,8 @@ const _: () = assert!(ACROSS == 4, "`across!` names every packet of a slice");
 /// of three, and a brick takes 24 exponentials for a Gaussian in place of 512.
 #[inline(always)]
 fn separate<S: Simd>(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &mut Sums<S>) {
+    /// Gaussians whose sums over a slice of the brick stay in registers.
+    const TOGETHER: usize = 8;
     let p = inputs.p;
     let rows = [p.place_x, p.place_y, p.place_z];
     let edges = triple!(a => [rows[0][a], rows[1][a], rows[2][a]]);
@@ -228,25 +230,31 @@ fn separate<S: Simd>(inputs: &Inputs<'_>, brick: [u32; 3], list: &[u32], sums: &
     // Metres from the brick's first sample: along x in the lower lanes and along y in the upper, and along z.
     let level: F<S> = F::of(lanes!(i => (i % BRICK) as f32 * length[i / BRICK]));
     let upright: F<S> = F::of(lanes!(i => (i % BRICK) as f32 * length[2]));
-    for &number in list {
-        let [bx, by, bz, a2] = inputs.blobs[number as usize].center;
-        let c = inputs.blobs[number as usize].amplitude[0];
-        let d = [corner[0] - bx, corner[1] - by, corner[2] - bz];
-        let t = triple!(a => (d[0] * edges[a][0] + d[1] * edges[a][1] + d[2] * edges[a][2]) / length[a]);
-        let xy = level + F::of(lanes!(i => t[i / BRICK]));
-        let z = upright + t[2];
-        let xy = bell(xy * xy * a2);
-        let z = bell(z * z * a2);
-        let x = F::of(lanes!(i => xy.0[i % BRICK] * c));
+    let (mut x, mut y, mut z) = ([F::ZERO; TOGETHER], [[F::ZERO; ACROSS]; TOGETHER], [F::ZERO; TOGETHER]);
+    for some in list.chunks(TOGETHER) {
+        for (g, &number) in some.iter().enumerate() {
+            let [bx, by, bz, a2] = inputs.blobs[number as usize].center;
+            let c = inputs.blobs[number as usize].amplitude[0];
+            let d = [corner[0] - bx, corner[1] - by, corner[2] - bz];
+            let t = triple!(a => (d[0] * edges[a][0] + d[1] * edges[a][1] + d[2] * edges[a][2]) / length[a]);
+            let xy = level + F::of(lanes!(i => t[i / BRICK]));
+            let xy = bell(xy * xy * a2);
+            let upward = upright + t[2];
+            z[g] = bell(upward * upward * a2);
+            x[g] = F::of(lanes!(i => xy.0[i % BRICK] * c));
+            across!(n => y[g][n] = F::of(lanes!(i => xy.0[BRICK + 2 * n + i / BRICK])));
+        }
         for k in 0..BRICK {
-            if z.0[k] == 0.0 {
-                continue;
+            let at = k * ACROSS;
+            let mut slice = [sums[at], sums[at + 1], sums[at + 2], sums[at + 3]];
+            for g in 0..some.len() {
+                if z[g].0[k] == 0.0 {
+                    continue;
+                }
+                let xz = x[g] * z[g].0[k];
+                across!(n => slice[n] = slice[n] + xz * y[g][n]);
             }
-            let xz = x * z.0[k];
-            across!(n => {
-                let y = F::of(lanes!(i => xy.0[BRICK + 2 * n + i / BRICK]));
-                sums[k * ACROSS + n] = sums[k * ACROSS + n] + xz * y;
-            });
+            across!(n => sums[at + n] = slice[n]);
         }
     }
 }
