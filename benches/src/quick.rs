@@ -17,28 +17,48 @@ pub struct Timing {
     /// The name among criterion's groups, such as `stage/march`. `prepare/compile` is of this run alone: what the first
     /// run of each stage on a fresh device takes beyond a later one, added up.
     pub name: String,
-    /// Median of the runs.
-    pub median: Duration,
-    /// The fastest run.
-    pub fastest: Duration,
-    /// The slowest run.
-    pub slowest: Duration,
-    /// Number of runs.
-    pub runs: usize,
+    /// What each run took, from the fastest to the slowest; at least one.
+    runs: Vec<Duration>,
     /// What a run works through: how many, and of what, in the plural.
     pub elements: Option<(u64, &'static str)>,
 }
 
 impl Timing {
-    /// Elements a second.
+    /// Median of the runs.
+    pub fn median(&self) -> Duration {
+        self.runs[self.runs.len() / 2]
+    }
+
+    /// The fastest run.
+    pub fn fastest(&self) -> Duration {
+        self.runs[0]
+    }
+
+    /// The slowest run.
+    pub fn slowest(&self) -> Duration {
+        self.runs[self.runs.len() - 1]
+    }
+
+    /// Number of runs.
+    pub fn runs(&self) -> usize {
+        self.runs.len()
+    }
+
+    /// Elements a second, by the median.
     pub fn rate(&self) -> Option<f64> {
-        self.elements.map(|(n, _)| n as f64 / self.median.as_secs_f64())
+        self.elements.map(|(n, _)| n as f64 / self.median().as_secs_f64())
+    }
+
+    /// Adds the runs of another round of the same entry.
+    pub fn pool(&mut self, other: Self) {
+        debug_assert_eq!(self.name, other.name);
+        self.runs.extend(other.runs);
+        self.runs.sort();
     }
 
     pub(crate) fn new(name: impl Into<String>, mut runs: Vec<Duration>, elements: Option<(u64, &'static str)>) -> Self {
         runs.sort();
-        let (fastest, slowest) = (runs[0], runs[runs.len() - 1]);
-        Self { name: name.into(), median: runs[runs.len() / 2], fastest, slowest, runs: runs.len(), elements }
+        Self { name: name.into(), runs, elements }
     }
 }
 
@@ -70,51 +90,90 @@ const TOO_LONG: Duration = Duration::from_secs(1);
 /// and at most this often.
 const MOST: usize = 15;
 
-/// Measures a device that `open` opens anew, and gives each timing to `tell` as soon as it is there.
+/// Measures the entries of [`names`] that are `chosen` on a device that `open` opens anew, and gives each timing to
+/// `tell` as soon as it is there.
 ///
 /// # Errors
 /// The device cannot be opened, or a fault of it; nothing more is measured then.
-pub fn measure(open: impl Fn() -> Result<Box<dyn Device>, Fault>, mut tell: impl FnMut(Timing)) -> Result<(), Fault> {
+pub fn measure(
+    open: impl Fn() -> Result<Box<dyn Device>, Fault>,
+    chosen: impl Fn(&str) -> bool,
+    mut tell: impl FnMut(Timing),
+) -> Result<(), Fault> {
     // Loads the driver, which the process keeps.
     let device = open()?;
-    tell(Timing::new(OPEN, repeat(|| Ok(()), |()| open())?, None));
-
-    let mut rig = Rig::new(device)?;
-    let values = density();
-    let runs = repeat(|| Ok(()), |()| Ok(rig.upload(&values)?))?;
-    tell(Timing::new(UPLOAD, runs, Some((lattice().voxels(), "voxels"))));
-
-    let (least, _) = rig.relight([1; 3])?;
-    tell(Timing::new(DISPATCH, timed(&mut rig, &least)?.1, None));
-
-    let view = View::new(256, 192);
-    let lookups = Lookups::new(&view);
-    let runs = repeat(|| Ok(()), |()| Ok(std::hint::black_box(lookups.sum())))?;
-    tell(Timing::new(LOOKUPS, runs, Some((view.samples(), "samples"))));
-    let mut compiling = Duration::ZERO;
-    for name in STAGES {
-        let (stage, elements, unit) = rig.stage(name, &view)?;
-        let (first, runs) = timed(&mut rig, &stage)?;
-        let timing = Timing::new(format!("stage/{name}"), runs, Some((elements, unit)));
-        compiling += first.saturating_sub(timing.median);
-        tell(timing);
+    if chosen(OPEN) {
+        tell(Timing::new(OPEN, repeat(|| Ok(()), |()| open())?, None));
     }
-    drop(rig);
-    tell(Timing::new(COMPILE, vec![compiling], None));
+    measure_stages(device, &chosen, &mut tell)?;
 
     let still = scene(Frame::RecordsStatic);
     let camera = &still.camera;
     let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
-    let render = |mut renderer: Renderer| {
-        renderer.render(&still)?;
-        Ok(renderer)
-    };
-    tell(Timing::new(FIRST_FRAME, repeat(|| Ok(Renderer::new(open()?)), render)?, pixels));
+    if chosen(FIRST_FRAME) {
+        let render = |mut renderer: Renderer| {
+            renderer.render(&still)?;
+            Ok(renderer)
+        };
+        tell(Timing::new(FIRST_FRAME, repeat(|| Ok(Renderer::new(open()?)), render)?, pixels));
+    }
     for frame in Frame::ALL {
-        // The first frame, which this renders, warms up.
-        let mut next = frame.start(open()?)?;
-        (0..SETTLING).try_for_each(|_| next().map(drop))?;
-        tell(Timing::new(format!("frame/{}", frame.name()), repeat(|| Ok(()), |()| Ok(next()?))?, pixels));
+        let name = format!("frame/{}", frame.name());
+        if chosen(&name) {
+            // The first frame, which this renders, warms up.
+            let mut next = frame.start(open()?)?;
+            (0..SETTLING).try_for_each(|_| next().map(drop))?;
+            tell(Timing::new(name, repeat(|| Ok(()), |()| Ok(next()?))?, pixels));
+        }
+    }
+    Ok(())
+}
+
+/// The entries from the upload to the compilation, which share what they work on.
+fn measure_stages(
+    device: Box<dyn Device>,
+    chosen: impl Fn(&str) -> bool,
+    tell: &mut impl FnMut(Timing),
+) -> Result<(), Fault> {
+    let stages: Vec<_> = STAGES.iter().map(|stage| (*stage, format!("stage/{stage}"))).collect();
+    let compiles = chosen(COMPILE);
+    if ![UPLOAD, DISPATCH, LOOKUPS].iter().any(|name| chosen(name))
+        && !compiles
+        && !stages.iter().any(|(_, name)| chosen(name))
+    {
+        return Ok(());
+    }
+    let mut rig = Rig::new(device)?;
+    if chosen(UPLOAD) {
+        let values = density();
+        let runs = repeat(|| Ok(()), |()| Ok(rig.upload(&values)?))?;
+        tell(Timing::new(UPLOAD, runs, Some((lattice().voxels(), "voxels"))));
+    }
+    if chosen(DISPATCH) {
+        let (least, _) = rig.relight([1; 3])?;
+        tell(Timing::new(DISPATCH, timed(&mut rig, &least)?.1, None));
+    }
+    let view = View::new(256, 192);
+    if chosen(LOOKUPS) {
+        let lookups = Lookups::new(&view);
+        let runs = repeat(|| Ok(()), |()| Ok(std::hint::black_box(lookups.sum())))?;
+        tell(Timing::new(LOOKUPS, runs, Some((view.samples(), "samples"))));
+    }
+    let mut compiling = Duration::ZERO;
+    for (stage, name) in stages {
+        // Every stage has a part in the compilation.
+        if compiles || chosen(&name) {
+            let (stage, elements, unit) = rig.stage(stage, &view)?;
+            let (first, runs) = timed(&mut rig, &stage)?;
+            let timing = Timing::new(name, runs, Some((elements, unit)));
+            compiling += first.saturating_sub(timing.median());
+            if chosen(&timing.name) {
+                tell(timing);
+            }
+        }
+    }
+    if compiles {
+        tell(Timing::new(COMPILE, vec![compiling], None));
     }
     Ok(())
 }
@@ -153,11 +212,11 @@ mod tests {
     #[test]
     fn what_is_measured_is_what_is_named() {
         let mut timings = Vec::new();
-        measure(|| Ok(airlight::open("cpu")?), |timing| timings.push(timing)).unwrap();
+        measure(|| Ok(airlight::open("cpu")?), |_| true, |timing| timings.push(timing)).unwrap();
         assert_eq!(timings.iter().map(|t| t.name.clone()).collect::<Vec<_>>(), names());
         for t in &timings {
-            assert!(t.fastest <= t.median && t.median <= t.slowest, "{t:?}");
-            assert!((1..=MOST).contains(&t.runs), "{t:?}");
+            assert!(t.fastest() <= t.median() && t.median() <= t.slowest(), "{t:?}");
+            assert!((1..=MOST).contains(&t.runs()), "{t:?}");
             assert_eq!(t.elements.is_none(), [OPEN, DISPATCH, COMPILE].contains(&t.name.as_str()), "{t:?}");
         }
     }
@@ -166,9 +225,28 @@ mod tests {
     fn a_median_is_the_run_in_the_middle_and_elements_are_per_second() {
         let runs = [4, 1, 2, 9, 3].map(Duration::from_millis).to_vec();
         let timing = Timing::new("a", runs, Some((6000, "cells")));
-        assert_eq!([timing.fastest, timing.median, timing.slowest], [1, 3, 9].map(Duration::from_millis));
+        let figures = |t: &Timing| [t.fastest(), t.median(), t.slowest()];
+        assert_eq!(figures(&timing), [1, 3, 9].map(Duration::from_millis));
         // Two numbers of f64, of which one is a thousandth's rounding.
         assert!((timing.rate().unwrap() - 2e6).abs() < 1e-3);
+        let mut pooled = timing.clone();
+        pooled.pool(Timing::new("a", [5, 6, 20, 7].map(Duration::from_millis).to_vec(), timing.elements));
+        assert_eq!((figures(&pooled), pooled.runs()), ([1, 5, 20].map(Duration::from_millis), 9));
+    }
+
+    #[test]
+    fn what_is_not_chosen_is_not_measured() {
+        for (part, expected) in [
+            ("stage/re", &["stage/reduce", "stage/relight", "stage/reconstruct"][..]),
+            (COMPILE, &[COMPILE]),
+            ("frame/records-static", &["frame/records-static"]),
+            ("nothing", &[]),
+        ] {
+            let mut told = Vec::new();
+            let open = || Ok(airlight::open("cpu")?);
+            measure(open, |name| name.starts_with(part), |timing| told.push(timing.name)).unwrap();
+            assert_eq!(told, expected);
+        }
     }
 
     #[test]
@@ -179,7 +257,7 @@ mod tests {
             Ok(Box::new(broken) as Box<dyn Device>)
         };
         let mut told = Vec::new();
-        let error = measure(open, |timing| told.push(timing.name)).unwrap_err();
+        let error = measure(open, |_| true, |timing| told.push(timing.name)).unwrap_err();
         assert!(error.to_string().contains("project was broken"), "{error}");
         let before: Vec<_> = names().into_iter().take_while(|name| name != "stage/project").collect();
         assert_eq!(told, before);
@@ -187,6 +265,6 @@ mod tests {
 
     #[test]
     fn a_device_that_cannot_be_opened_is_an_error() {
-        assert!(measure(|| Err("it is gone".into()), |_| panic!("there is nothing to tell")).is_err());
+        assert!(measure(|| Err("it is gone".into()), |_| true, |_| panic!("there is nothing to tell")).is_err());
     }
 }

@@ -17,10 +17,17 @@ use crate::{Done, devices, output};
 #[derive(clap::Args)]
 #[command(group = clap::ArgGroup::new("pages").args(["papers", "curves"]))]
 pub(crate) struct Options {
+    /// Measure only entries whose name contains one of these: stage/march, frame/, re.
+    #[arg(value_name = "ENTRY", conflicts_with = "pages")]
+    entries: Vec<String>,
     /// auto, a backend (cpu), an index (cpu:0) or part of a device's name. May repeat; without it, every device that
     /// there is. Ratios are to the first.
     #[arg(long, value_name = "ID")]
     device: Vec<String>,
+    /// Measure so many times, each time all devices one after the other, and take the median of all runs: what disturbs
+    /// a machine for seconds then disturbs all of them alike.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), conflicts_with = "pages")]
+    rounds: u32,
     /// Repeat the papers' own measurements instead: all tables, or those whose name begins with TABLE (001,
     /// 001-table-3), or rows of them (000-table-1/50/nothing). Prints Markdown. Minutes a device.
     #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
@@ -50,6 +57,29 @@ impl Measured {
     fn timing(&self, name: &str) -> Option<&Timing> {
         self.timings.iter().find(|timing| timing.name == name)
     }
+
+    /// One round of measurements more, unless an earlier one ended with a fault.
+    fn add(&mut self, names: &[String], [round, rounds]: [u32; 2]) {
+        if self.fault.is_some() {
+            return;
+        }
+        let id = self.info.id();
+        let mut meter = Meter::new();
+        let mut done = round as usize * names.len();
+        let measured = quick::measure(
+            || Ok(airlight::open(&id)?),
+            |name| names.iter().any(|chosen| chosen == name),
+            |timing| {
+                done += 1;
+                match self.timings.iter_mut().find(|earlier| earlier.name == timing.name) {
+                    Some(earlier) => earlier.pool(timing),
+                    None => self.timings.push(timing),
+                }
+                meter.show(format_args!("bench {id}"), done as f32 / (names.len() * rounds as usize) as f32);
+            },
+        );
+        self.fault = measured.err().map(|fault| fault.to_string());
+    }
 }
 
 pub(crate) fn run(options: &Options) -> Done {
@@ -65,11 +95,16 @@ pub(crate) fn run(options: &Options) -> Done {
     if let Some(curves) = curves {
         return curves::run(&curves, &subjects, &absent, limit, options.json);
     }
-    let measured: Vec<_> = subjects.into_iter().map(measure).collect();
+    let names = entries(&options.entries)?;
+    let mut measured: Vec<_> =
+        subjects.into_iter().map(|info| Measured { info, timings: Vec::new(), fault: None }).collect();
+    for round in 0..options.rounds {
+        measured.iter_mut().for_each(|device| device.add(&names, [round, options.rounds]));
+    }
     if options.json {
         output::json(&report(&measured, &absent))?;
     } else {
-        table(&measured).iter().try_for_each(|line| output::line(line))?;
+        table(&names, &measured).iter().try_for_each(|line| output::line(line))?;
     }
     let faults: Vec<_> =
         measured.iter().filter_map(|m| Some(format!("{}: {}", m.info.id(), m.fault.as_ref()?))).collect();
@@ -92,24 +127,20 @@ fn chosen<T>(
     Ok(all)
 }
 
-fn measure(info: DeviceInfo) -> Measured {
-    let (id, count) = (info.id(), quick::names().len());
-    let mut meter = Meter::new();
-    let mut timings = Vec::new();
-    let measured = quick::measure(
-        || Ok(airlight::open(&id)?),
-        |timing| {
-            timings.push(timing);
-            meter.show(format_args!("bench {id}"), timings.len() as f32 / count as f32);
-        },
-    );
-    Measured { info, timings, fault: measured.err().map(|fault| fault.to_string()) }
+/// The entries that are measured: those whose name contains one of `parts`, or all.
+fn entries(parts: &[String]) -> Result<Vec<String>, Failure> {
+    let mut names = quick::names();
+    if let Some(part) = parts.iter().find(|part| !names.iter().any(|name| name.contains(*part))) {
+        return Err(Failure::input(format!("no entry contains {part:?}; there are {}", names.join(", "))));
+    }
+    names.retain(|name| parts.is_empty() || parts.iter().any(|part| name.contains(part)));
+    Ok(names)
 }
 
 /// How many times as long as on the first device.
 fn ratio(timing: &Timing, first: &Measured) -> Option<f64> {
-    let first = first.timing(&timing.name)?.median.as_secs_f64();
-    (first > 0.0).then(|| timing.median.as_secs_f64() / first)
+    let first = first.timing(&timing.name)?.median().as_secs_f64();
+    (first > 0.0).then(|| timing.median().as_secs_f64() / first)
 }
 
 /// Characters of the columns: names with units, a time with its rate, a ratio.
@@ -117,7 +148,7 @@ const NAMES: usize = 40;
 const TIME: usize = 18;
 const RATIO: usize = 8;
 
-fn table(measured: &[Measured]) -> Vec<String> {
+fn table(names: &[String], measured: &[Measured]) -> Vec<String> {
     let mut lines: Vec<_> = measured.iter().map(|m| format!("{:<10} {}", m.info.id(), m.info.name)).collect();
     let Some(first) = measured.first() else { return lines };
     lines.push(String::new());
@@ -127,10 +158,10 @@ fn table(measured: &[Measured]) -> Vec<String> {
         format!("{name:<NAMES$}{cells}").trim_end().to_owned()
     };
     lines.push(row("", measured.iter().map(|m| m.info.id()).collect()));
-    for name in quick::names() {
-        let unit = measured.iter().find_map(|m| m.timing(&name)?.elements).map(|(_, unit)| format!(" ({unit})"));
+    for name in names {
+        let unit = measured.iter().find_map(|m| m.timing(name)?.elements).map(|(_, unit)| format!(" ({unit})"));
         let cell = |(n, m): (usize, &Measured)| {
-            m.timing(&name).map_or("failed".into(), |timing| cell(timing, (n > 0).then_some(first)))
+            m.timing(name).map_or("failed".into(), |timing| cell(timing, (n > 0).then_some(first)))
         };
         lines.push(row(&(name.clone() + &unit.unwrap_or_default()), measured.iter().enumerate().map(cell).collect()));
     }
@@ -145,7 +176,7 @@ fn cell(timing: &Timing, first: Option<&Measured>) -> String {
         let ratio = ratio(timing, first).map_or(String::new(), |r| format!("{} ×", figures(r)));
         format!("{ratio:>RATIO$}")
     });
-    format!("{:>8} {rate:>8}{ratio}", time(timing.median))
+    format!("{:>8} {rate:>8}{ratio}", time(timing.median()))
 }
 
 /// A time in three figures.
@@ -186,10 +217,10 @@ fn report(measured: &[Measured], absent: &[Value]) -> Value {
     let entry = |timing: &Timing| {
         json!({
             "name": timing.name,
-            "seconds": timing.median.as_secs_f64(),
-            "fastest": timing.fastest.as_secs_f64(),
-            "slowest": timing.slowest.as_secs_f64(),
-            "runs": timing.runs,
+            "seconds": timing.median().as_secs_f64(),
+            "fastest": timing.fastest().as_secs_f64(),
+            "slowest": timing.slowest().as_secs_f64(),
+            "runs": timing.runs(),
             "elements": timing.elements.map(|(n, _)| n),
             "unit": timing.elements.map(|(_, unit)| unit),
             "per_second": timing.rate(),

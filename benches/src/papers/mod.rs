@@ -214,7 +214,7 @@ mod tests {
         table.rows.truncate(1);
         measure(&table, cpu, Duration::from_secs(600), |entry| {
             let Outcome::Measured { timing, stages, .. } = entry.outcome else { panic!("{:?}", entry.outcome) };
-            assert!(!timing.median.is_zero() && stages.is_empty(), "{timing:?} {stages:?}");
+            assert!(!timing.median().is_zero() && stages.is_empty(), "{timing:?} {stages:?}");
         });
         measure(&table, cpu, Duration::ZERO, |entry| {
             assert!(matches!(&entry.outcome, Outcome::Skipped(why) if why.contains("more than 0 s")), "{entry:?}");

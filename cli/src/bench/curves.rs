@@ -102,7 +102,9 @@ impl<'a> Measured<'a> {
     /// That of the fastest runs, which other work on the machine disturbs least.
     fn growth(&self, series: &Series, entries: &[&Entry]) -> Option<Growth> {
         let timed = entries.iter().filter_map(|entry| match &entry.outcome {
-            Outcome::Measured { timing, .. } => Some((self.curve.points[entry.point].at, timing.fastest.as_secs_f64())),
+            Outcome::Measured { timing, .. } => {
+                Some((self.curve.points[entry.point].at, timing.fastest().as_secs_f64()))
+            }
             _ => None,
         });
         Growth::of(&timed.collect::<Vec<_>>(), series.expected)
@@ -119,7 +121,7 @@ impl<'a> Measured<'a> {
         for (series, info, entries) in self.rows() {
             let mut cells = vec![series.name.to_owned(), info.id()];
             cells.extend(entries.iter().map(|entry| match &entry.outcome {
-                Outcome::Measured { timing, .. } => time(timing.fastest),
+                Outcome::Measured { timing, .. } => time(timing.fastest()),
                 Outcome::Skipped(why) => format!("skipped ({})", note(why, &mut notes)),
                 Outcome::Failed(why) => format!("failed ({})", note(why, &mut notes)),
             }));
@@ -153,10 +155,10 @@ impl<'a> Measured<'a> {
                 });
                 match &entry.outcome {
                     Outcome::Measured { timing, .. } => {
-                        point["seconds"] = json!(timing.median.as_secs_f64());
-                        point["fastest"] = json!(timing.fastest.as_secs_f64());
-                        point["slowest"] = json!(timing.slowest.as_secs_f64());
-                        point["runs"] = json!(timing.runs);
+                        point["seconds"] = json!(timing.median().as_secs_f64());
+                        point["fastest"] = json!(timing.fastest().as_secs_f64());
+                        point["slowest"] = json!(timing.slowest().as_secs_f64());
+                        point["runs"] = json!(timing.runs());
                     }
                     Outcome::Skipped(why) => point["skipped"] = json!(why),
                     Outcome::Failed(why) => point["fault"] = json!(why),

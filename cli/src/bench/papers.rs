@@ -172,13 +172,13 @@ impl Measured<'_> {
             });
             match outcome {
                 Outcome::Measured { timing, stages, error } => {
-                    entry["seconds"] = json!(timing.median.as_secs_f64());
+                    entry["seconds"] = json!(timing.median().as_secs_f64());
                     if unit == Unit::FramesPerSecond {
-                        entry["frames_per_second"] = output::number(unit.of(timing.median));
+                        entry["frames_per_second"] = output::number(unit.of(timing.median()));
                     }
-                    entry["fastest"] = json!(timing.fastest.as_secs_f64());
-                    entry["slowest"] = json!(timing.slowest.as_secs_f64());
-                    entry["runs"] = json!(timing.runs);
+                    entry["fastest"] = json!(timing.fastest().as_secs_f64());
+                    entry["slowest"] = json!(timing.slowest().as_secs_f64());
+                    entry["runs"] = json!(timing.runs());
                     entry["stages"] = json!(stages);
                     entry["error"] = json!(error);
                 }
@@ -210,9 +210,9 @@ impl Measured<'_> {
 fn cell(outcome: &Outcome, unit: Unit, notes: &mut Vec<String>) -> String {
     match outcome {
         Outcome::Measured { timing, error: Some(error), .. } => {
-            format!("{} ({:.2} %)", figures(unit.of(timing.median)), 100.0 * error)
+            format!("{} ({:.2} %)", figures(unit.of(timing.median())), 100.0 * error)
         }
-        Outcome::Measured { timing, .. } => figures(unit.of(timing.median)),
+        Outcome::Measured { timing, .. } => figures(unit.of(timing.median())),
         Outcome::Skipped(why) => format!("skipped ({})", note(why, notes)),
         Outcome::Failed(why) => format!("failed ({})", note(why, notes)),
     }

@@ -49,6 +49,23 @@ fn every_entry_is_measured_on_a_device_that_is_named() {
 }
 
 #[test]
+fn entries_are_chosen_and_rounds_are_pooled() {
+    let bench = Workbench::new();
+    let runs = |rounds: &str| {
+        let told = bench.json(["bench", "relight", "prepare/dis", "--device", "cpu", "--rounds", rounds, "--json"]);
+        let entries = told["devices"][0]["entries"].as_array().unwrap();
+        let of = |entry: &Value| (entry["name"].as_str().unwrap().to_owned(), entry["runs"].as_u64().unwrap());
+        entries.iter().map(of).collect::<Vec<_>>()
+    };
+    let [once, thrice] = ["1", "3"].map(runs);
+    for ((name, once), (again, thrice)) in once.iter().zip(&thrice) {
+        // A round ends once it has taken long enough, or after so many runs, which these reach.
+        assert_eq!((name, *thrice), (again, 3 * once));
+    }
+    assert_eq!(once.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["prepare/dispatch", "stage/relight"]);
+}
+
+#[test]
 fn tables_of_papers_are_told_whole() {
     let bench = Workbench::new();
     // No time at all: every entry is skipped, and none is left out.
@@ -144,6 +161,10 @@ fn what_cannot_be_measured_is_refused() {
     bench.refused(["bench", "--curves", "time"], 2, &["no such curve", "basis-lights"]);
     bench.refused(["bench", "--curves", "cells", "--papers", "001"], 2, &["--papers", "cannot be used with"]);
     bench.refused(["bench", "--time-limit", "3"], 2, &["--papers"]);
+    bench.refused(["bench", "march", "stage/swim"], 2, &["no entry contains \"stage/swim\"", "stage/march"]);
+    bench.refused(["bench", "march", "--papers"], 2, &["cannot be used with"]);
+    bench.refused(["bench", "--rounds", "0"], 2, &["--rounds"]);
+    bench.refused(["bench", "--rounds", "2", "--curves"], 2, &["cannot be used with"]);
     for limit in ["-1", "NaN", "1e300"] {
         let limit = format!("--time-limit={limit}");
         bench.refused(["bench", "--papers", "001", &limit], 2, &["--time-limit", "number of seconds"]);
