@@ -348,6 +348,21 @@ fn buffer(shape: &Shape, index: usize) -> String {
     format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{element}>;\n")
 }
 
+/// The function that gives a field's texel what its format says, exactly. Halves times a power of two are normal numbers, so that it
+/// is added to their exponents: a product would have a factor that drivers take out of sums (Mesa makes s x + (s y + d) into
+/// s (x + y) + d), which then round otherwise than those of 32-bit floats.
+fn scaled(shape: &Shape, format: FieldFormat) -> String {
+    let (name, value) = (shape.name, shape.element.name(WGSL));
+    let number = match format {
+        FieldFormat::Half { exponent } if exponent != 0 => {
+            let added = (i32::from(exponent) << 23) as u32;
+            format!("bitcast<f32>(select(0u, bitcast<u32>(stored) + {added}u, stored != 0.0))")
+        }
+        FieldFormat::Half { .. } | FieldFormat::Scalar | FieldFormat::Rgba => "stored".to_owned(),
+    };
+    format!("fn scaled_{name}(stored: {value}) -> {value} {{\n    return {number};\n}}\n")
+}
+
 /// The textures of a field, and the function that reads a texel of one of its layers, which lie one behind the other.
 fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat, fetched: bool) -> String {
     let (name, value) = (shape.name, shape.element.name(WGSL));
@@ -357,7 +372,7 @@ fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat, fetched: 
         true => (format!("texture_storage_3d<{stored}, read>"), ""),
         false => ("texture_3d<f32>".to_owned(), ", 0"),
     };
-    let mut out = String::new();
+    let mut out = scaled(shape, format);
     // Writing to a String cannot fail.
     for slab in 0..slabs {
         let binding = slab_binding(index, slab);
@@ -366,8 +381,7 @@ fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat, fetched: 
     let _ = writeln!(out, "fn texel_{name}(at: vec3<i32>, size: vec3<i32>, layer: i32) -> {value} {{");
     let _ = writeln!(out, "    let slice = layer * size.z + at.z;");
     if slabs == 1 {
-        let load = format!("textureLoad({name}_0, vec3<i32>(at.xy, slice){level}){part}");
-        let _ = writeln!(out, "    return {};", WGSL.scaled(format, &load));
+        let _ = writeln!(out, "    return scaled_{name}(textureLoad({name}_0, vec3<i32>(at.xy, slice){level}){part});");
     } else {
         // All slabs but the last have the slices of the first.
         let _ = writeln!(out, "    let per_slab = i32(textureDimensions({name}_0).z);");
@@ -375,8 +389,8 @@ fn texel(shape: &Shape, index: usize, slabs: u32, format: FieldFormat, fetched: 
         let _ = writeln!(out, "    switch slice / per_slab {{");
         for slab in 0..slabs {
             let case = if slab + 1 == slabs { "default".to_owned() } else { format!("case {slab}") };
-            let load = WGSL.scaled(format, &format!("textureLoad({name}_{slab}, place{level}){part}"));
-            let _ = writeln!(out, "        {case}: {{ return {load}; }}");
+            let load = format!("textureLoad({name}_{slab}, place{level}){part}");
+            let _ = writeln!(out, "        {case}: {{ return scaled_{name}({load}); }}");
         }
         let _ = writeln!(out, "    }}");
     }

@@ -87,6 +87,9 @@ fn grid(bricks: bool, seed: u64) -> Result<Grid, Failed> {
     Ok(Grid::new(BOX, grid.index_to_world(), Storage::Dense(dense))?)
 }
 
+/// Stages of pictures with all grids.
+const GRIDS: &[&str] = &["reduce", "project", "propagate", "coarsen", "illuminate", "march"];
+
 /// A picture, and stages that it takes.
 #[derive(Clone)]
 struct Shown {
@@ -102,21 +105,26 @@ fn scenes() -> Axis<Shown> {
         Light::directional(DVec3::new(0.4, 0.9, 0.2), Vec3::new(2.0, 1.5, 1.0)).expect("a light"),
         Light::point(DVec3::new(0.6, 0.9, -0.4), Vec3::ONE).expect("a light"),
     ];
-    // Their walls cut voxels, so that sums round.
-    let cells = 5;
-    let mut grids = of.clone();
-    grids.optics.emission = Vec3::new(0.3, 0.2, 0.1);
-    grids.estimate = Estimate {
-        environment: Some(EnvironmentEstimate::Records(Records { cells, solver: Solver::March, ..Records::default() })),
-        lights: Some(LightsEstimate::Opacity(Opacity { cells, ..Opacity::default() })),
-        scattering: Some(ScatteringEstimate::Sweeps(Sweeps { cells, ..Sweeps::default() })),
-        all: None,
+    of.optics.emission = Vec3::new(0.3, 0.2, 0.1);
+    let grids = |cells| {
+        let estimate = Estimate {
+            environment: Some(EnvironmentEstimate::Records(Records {
+                cells,
+                solver: Solver::March,
+                ..Records::default()
+            })),
+            lights: Some(LightsEstimate::Opacity(Opacity { cells, ..Opacity::default() })),
+            scattering: Some(ScatteringEstimate::Sweeps(Sweeps { cells, ..Sweeps::default() })),
+            all: None,
+        };
+        Scene { estimate, ..of.clone() }
     };
     let mut walls = of.clone();
+    walls.optics.emission = Vec3::ZERO;
     (walls.surfaces, walls.environment) = (Some(Arc::new(room())), None);
     let local = Local { ambient: 0.6, diffuse: 0.8, specular: 0.3, shininess: 5.0 };
     walls.estimate = Estimate { lights: Some(LightsEstimate::Local(local)), ..Estimate::none() };
-    let mut paths = grids.clone();
+    let mut paths = of.clone();
     let path = Path { samples: 2, ..Path::default() };
     paths.estimate = Estimate { all: Some(AllEstimate::Path(path)), ..Estimate::none() };
     let shown = |scene, glows, stages| Shown { scene, glows, stages };
@@ -124,7 +132,9 @@ fn scenes() -> Axis<Shown> {
         "scene",
         [
             ("walls", shown(walls, false, &["reduce", "shade", "march"][..])),
-            ("grids", shown(grids, true, &["reduce", "project", "propagate", "coarsen", "illuminate", "march"])),
+            // Of two sizes, whose walls cut voxels elsewhere: sums round, and drivers that put them in another order show.
+            ("grids", shown(grids(5), true, GRIDS)),
+            ("finer grids", shown(grids(6), true, GRIDS)),
             ("paths", shown(paths, true, &["path"])),
         ],
     )

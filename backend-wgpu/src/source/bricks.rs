@@ -2,7 +2,7 @@
 
 use airlight_core::device::{BrickLayout, FieldFormat, Shape};
 
-use super::{WGSL, index_binding, slab_binding};
+use super::{WGSL, index_binding, scaled, slab_binding};
 use crate::atlas::{CONSTANT, SLOT_BITS};
 
 /// The textures of bricks and index, and the functions that look up: a texel; between texels, in one brick, by a texture unit
@@ -19,7 +19,7 @@ pub(super) fn lookups(shape: &Shape, index: usize, format: FieldFormat, fetched:
         true => ("texture_storage_3d<r32float, read>", "texture_storage_3d<r32uint, read>", ""),
         false => ("texture_3d<f32>", "texture_3d<u32>", ", 0"),
     };
-    let load = |at: &str| WGSL.scaled(format, &format!("textureLoad({name}_0, {at}{level}).x"));
+    let load = |at: &str| format!("scaled_{name}(textureLoad({name}_0, {at}{level}).x)");
     let filter = if filtered {
         let dims = format!("vec3<f32>(textureDimensions({name}_0))");
         let sampled =
@@ -42,8 +42,9 @@ pub(super) fn lookups(shape: &Shape, index: usize, format: FieldFormat, fetched:
             row(1, 1)
         )
     };
+    let scaled = scaled(shape, format);
     format!(
-        "@group(2) @binding({bricks}) var {name}_0: {texels};
+        "{scaled}@group(2) @binding({bricks}) var {name}_0: {texels};
 @group(2) @binding({indices}) var {name}_index: {words};
 fn brick_{name}(block: vec3<i32>) -> u32 {{
     return textureLoad({name}_index, block{level}).x;
