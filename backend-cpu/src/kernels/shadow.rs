@@ -45,7 +45,8 @@ pub(crate) fn run(stage: &Shadow, range: Range<u32>, memory: &mut Memory<'_>, is
         packets.push((at, packet));
         (rest, at) = (others, at + count);
     }
-    packets.into_par_iter().with_min_len(TASK).for_each(|(first, reach)| {
+    // Faces that see nothing are done in no time: small tasks are what threads can share.
+    packets.into_par_iter().with_min_len(TASK).with_max_len(TASK).for_each(|(first, reach)| {
         let inputs = &inputs;
         compiled_for!(isa, shadow<S>(inputs: &Inputs<'_>, first: usize, reach: &mut [f32]));
     });
