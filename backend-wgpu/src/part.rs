@@ -178,11 +178,19 @@ impl Part {
 
     /// Units of the work axis, or items of a unit, that a workgroup takes, of so many invocations where those work alone; `known` is
     /// whether kernels know their parameters.
-    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+    pub(crate) fn taken(&self, units: u32, known: bool, fetched: Fetched) -> u32 {
         match &self.kernel {
-            Kernel::Stage(source) => source.taken(units, known),
+            Kernel::Stage(source) => source.taken(units, known, fetched),
             Kernel::Sweep(Kind::Rows) => 1,
             Kernel::Sweep(Kind::Toward | Kind::Moments) => units,
+        }
+    }
+
+    /// What the first unit that an invocation takes is a multiple of.
+    pub(crate) fn aligned(&self, fetched: Fetched) -> u32 {
+        match &self.kernel {
+            Kernel::Stage(source) => source.aligned(fetched),
+            Kernel::Sweep(_) => 1,
         }
     }
 

@@ -81,6 +81,15 @@ fn whole(a: vec3<f32>) -> vec3<u32> {
 }
 ";
 
+/// Four numbers from the one numbered `off` on, of those of two texels.
+const FROM_TWO: &str = "\
+fn from_two(a: vec4<f32>, b: vec4<f32>, off: u32) -> vec4<f32> {
+    let two = (off & 2u) == 2u;
+    let four = select(a, vec4<f32>(a.zw, b.xy), two);
+    return select(four, vec4<f32>(four.yzw, select(b.x, b.z, two)), (off & 1u) == 1u);
+}
+";
+
 /// The smaller and the larger of two numbers. Built-in functions know what is no number, for which software drivers take three
 /// instructions in place of one.
 fn ordered(compared: bool) -> String {
@@ -231,6 +240,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         // Folded ones take a row at a time.
         Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
+        Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
         _ => (1, &[]),
     };
     Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
@@ -244,15 +254,21 @@ impl Source {
     }
 
     /// Units of the work axis that a workgroup of so many invocations takes, which work alone or not; on drivers that run on
-    /// processors, if that is what `known` says.
-    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+    /// processors, if that is what `known` says, and with what it reads there.
+    pub(crate) fn taken(&self, units: u32, known: bool, fetched: Fetched) -> u32 {
         match (self.alone, self.name) {
+            (true, "relight") => units * self.aligned(fetched),
             (true, _) if known => units * self.each,
             (true, _) => units,
             (false, "project") if known => CELLS,
             (false, "classify") => PACKS,
             (false, _) => 1,
         }
+    }
+
+    /// What the first unit that an invocation takes is a multiple of: cells of `relight` whose records begin with a whole texel.
+    pub(crate) fn aligned(&self, fetched: Fetched) -> u32 {
+        if self.name == "relight" && fetched.fours > 0 { 4 } else { 1 }
     }
 
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
@@ -336,6 +352,7 @@ pub(crate) fn uniforms(params: &str, spread: bool) -> String {
         + if spread { SPREAD } else { NUMBER }
         + DIVIDE
         + WHOLE
+        + FROM_TWO
 }
 
 /// Where kernels copy their parameters to, if they do.

@@ -21,21 +21,31 @@ pub(crate) fn words(element: KernelElement) -> u32 {
     }
 }
 
-/// The function that reads the floats 4 i to 4 i + 3 of a buffer.
-fn four(shape: &Shape, body: &str) -> String {
-    match shape.element {
-        KernelElement::Scalar(KernelScalar::F32) => {
-            format!("fn read_four_{}(i: u32) -> vec4<f32> {{\n    return {body};\n}}\n", shape.name)
-        }
-        _ => String::new(),
+/// Whether texels of a buffer of floats are four of them; the function that reads one; and the one that reads the four floats from `n`
+/// floats after texel `i` on.
+fn four(shape: &Shape, texel: bool, body: &str) -> String {
+    if shape.element != KernelElement::Scalar(KernelScalar::F32) {
+        return String::new();
     }
+    let name = shape.name;
+    let along = if texel {
+        format!("from_two(read_four_{name}(i + n / 4u), read_four_{name}(i + n / 4u + 1u), n % 4u)")
+    } else {
+        let words = [0, 1, 2, 3].map(|word| format!("read_{name}(4u * i + n + {word}u)")).join(", ");
+        format!("vec4<f32>({words})")
+    };
+    WGSL.truth(&format!("fours_{name}"), texel)
+        + &format!(
+            "fn read_four_{name}(i: u32) -> vec4<f32> {{\n    return {body};\n}}\nfn read_along_{name}(i: u32, n: u32) -> vec4<f32> \
+         {{\n    return {along};\n}}\n"
+        )
 }
 
 /// From memory: the buffer, and the functions that read an element, and four that follow each other.
 pub(crate) fn memory(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     let words = [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u]")).join(", ");
-    four(shape, &format!("vec4<f32>({words})"))
+    four(shape, false, &format!("vec4<f32>({words})"))
         + &format!(
             "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
          {{\n    return {name}[i];\n}}\nfn length_{name}() -> u32 {{\n    return arrayLength(&{name});\n}}\n"
@@ -95,7 +105,7 @@ pub(crate) fn texels(shape: &Shape, index: usize, fetched: Fetched, structs: &st
     } else {
         format!("bitcast<vec4<f32>>({})", load("i"))
     };
-    four(shape, &of_four)
+    four(shape, words == 4, &of_four)
         + &format!(
             "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
          {{\n{body}}}\nfn length_{name}() -> u32 {{\n    return textureDimensions({name}).x;\n}}\n"
