@@ -6,8 +6,9 @@ fn relight(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     if fours_records {
         // The first is a multiple of four, whose records begin with a whole texel.
         let four = launch.start / 4u + n;
-        if 4u * four < launch.start + launch.count {
-            relight_four(four);
+        let range = vec2<u32>(launch.start, launch.start + launch.count);
+        if 4u * four < range.y {
+            relight_four(four, range);
         }
         return;
     }
@@ -53,8 +54,8 @@ fn glow(cell: u32, k: u32) -> vec3<f32> {
     return vec3<f32>(read_emission_records(at), read_emission_records(at + 1u), read_emission_records(at + 2u));
 }
 
-// The one layer of cells 4 `four` to 4 `four` + 3, of those of the dispatch.
-fn relight_four(four: u32) {
+// The one layer of cells 4 `four` to 4 `four` + 3, of those of a range.
+fn relight_four(four: u32, range: vec2<u32>) {
     let cell = 4u * four;
     var sums = mat4x3<f32>();
     for (var k = 0u; k < params.coefficients; k += 4u) {
@@ -77,10 +78,10 @@ fn relight_four(four: u32) {
         sums[3] = lit(sums[3], light, there, red[3], green[3], blue[3]);
     }
     let weight = params.emission_weight;
-    keep(cell, sums[0] + weight * glow(cell, 0u));
-    keep(cell + 1u, sums[1] + weight * glow(cell + 1u, 0u));
-    keep(cell + 2u, sums[2] + weight * glow(cell + 2u, 0u));
-    keep(cell + 3u, sums[3] + weight * glow(cell + 3u, 0u));
+    keep(range, cell, sums[0] + weight * glow(cell, 0u));
+    keep(range, cell + 1u, sums[1] + weight * glow(cell + 1u, 0u));
+    keep(range, cell + 2u, sums[2] + weight * glow(cell + 2u, 0u));
+    keep(range, cell + 3u, sums[3] + weight * glow(cell + 3u, 0u));
 }
 
 // A sum with what four coefficients of a record, of which some are there, make of their light, one after the other.
@@ -118,9 +119,9 @@ fn of_cell(texel: u32, n: u32) -> vec4<f32> {
     return vec4<f32>(a.x, a.w, b.z, read_along_records(texel, n + 8u).y);
 }
 
-// Writes a cell of the dispatch.
-fn keep(cell: u32, color: vec3<f32>) {
-    if cell >= launch.start && cell - launch.start < launch.count {
+// Writes a cell of a range.
+fn keep(range: vec2<u32>, cell: u32, color: vec3<f32>) {
+    if cell >= range.x && cell < range.y {
         in_scatter[cell] = vec4<f32>(color, 0.0);
     }
 }

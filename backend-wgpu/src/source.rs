@@ -153,9 +153,14 @@ impl Fetched {
         self.all >> index & 1 == 1
     }
 
+    /// Whether the binding `index` is one of them, four words at a time.
+    pub(crate) fn has_fours(self, index: usize) -> bool {
+        self.fours >> index & 1 == 1
+    }
+
     /// Words of a texel of the copy that the binding `index`, of such elements, is read from.
     pub(crate) fn words(self, index: usize, element: KernelElement) -> u32 {
-        if self.fours >> index & 1 == 1 { 4 } else { words(element) }
+        if self.has_fours(index) { 4 } else { words(element) }
     }
 }
 
@@ -206,7 +211,7 @@ pub(crate) struct Source {
     pub(crate) alone: bool,
     /// Units that an invocation takes on drivers that run on processors, where it takes one elsewhere.
     each: u32,
-    /// Buffers of floats that it reads by four that follow each other.
+    /// Buffers of words that it reads by four that follow each other.
     pub(crate) fours: &'static [&'static str],
     file: KernelFile,
     recipe: Recipe,
@@ -239,6 +244,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
     let (each, fours): (u32, &[&str]) = match stage {
         // Folded ones take a row at a time.
         Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
+        Stage::Reconstruct(reconstruct) if reconstruct.params.view == 0 => (1, &["rows", "weights"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
         Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
         _ => (1, &[]),
@@ -254,10 +260,9 @@ impl Source {
     }
 
     /// Units of the work axis that a workgroup of so many invocations takes, which work alone or not; on drivers that run on
-    /// processors, if that is what `known` says, and with what it reads there.
-    pub(crate) fn taken(&self, units: u32, known: bool, fetched: Fetched) -> u32 {
+    /// processors, if that is what `known` says.
+    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
         match (self.alone, self.name) {
-            (true, "relight") => units * self.aligned(fetched),
             (true, _) if known => units * self.each,
             (true, _) => units,
             (false, "project") if known => CELLS,
@@ -266,9 +271,13 @@ impl Source {
         }
     }
 
-    /// What the first unit that an invocation takes is a multiple of: cells of `relight` whose records begin with a whole texel.
-    pub(crate) fn aligned(&self, fetched: Fetched) -> u32 {
-        if self.name == "relight" && fetched.fours > 0 { 4 } else { 1 }
+    /// The buffer of which an invocation takes as many units as texels are words: those that begin with a whole texel.
+    pub(crate) fn by_texels(&self) -> Option<&'static str> {
+        match self.name {
+            "relight" => Some("records"),
+            "reconstruct" => Some("rows"),
+            _ => None,
+        }
     }
 
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
