@@ -1,4 +1,5 @@
-//! `read_NAME`, by which kernels read an element of a buffer that they do not write, and `read_four_NAME`, by which they read four floats.
+//! `read_NAME`, by which kernels read an element of a buffer that they do not write; `read_four_NAME`, by which they read four words; and
+//! `read_along_NAME`, by which they read four floats wherever they begin.
 
 use std::iter;
 use std::ops::Range;
