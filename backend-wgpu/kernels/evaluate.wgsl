@@ -94,13 +94,6 @@ fn moments(row: u32) -> array<mat3x4<f32>, 2> {
     return sums;
 }
 
-// Four numbers from the one numbered `off` on, of those of two texels.
-fn from_two(a: vec4<f32>, b: vec4<f32>, off: u32) -> vec4<f32> {
-    let two = (off & 2u) == 2u;
-    let four = select(a, vec4<f32>(a.zw, b.xy), two);
-    return select(four, vec4<f32>(four.yzw, select(b.x, b.z, two)), (off & 1u) == 1u);
-}
-
 // What a texel of each of four rows makes of light.
 fn arriving(at: vec4<u32>, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) -> mat3x4<f32> {
     let a = read_four_matrices(at.x);

@@ -23,8 +23,7 @@ fn gathered_FIELD(cell: vec3<u32>, before: vec2<f32>) -> vec2<f32> {
     var most = before.y;
     var at = vec2<i32>(lo.y + i32(params.row_begin % across), lo.z + i32(params.row_begin / across));
     let last = min(params.row_end, rows);
-    // Two voxels of four rows a turn: what each row begins with is asked for before the rest, for that is what is far away. The
-    // first is even, as blocks of bricks begin, so that sums are those of every layout.
+    // Two voxels of four rows a turn: what each row begins with is asked for before the rest, for that is what is far away.
     for (var row = params.row_begin; row < last; row += 4u) {
         // After the last row it is that one again, and weighs nothing.
         let there = row + vec4<u32>(0u, 1u, 2u, 3u) < vec4<u32>(last);
@@ -39,7 +38,7 @@ fn gathered_FIELD(cell: vec3<u32>, before: vec2<f32>) -> vec2<f32> {
         let y = vec4<i32>(at.x, b.x, c.x, d.x);
         let z = vec4<i32>(at.y, b.y, c.y, d.y);
         var of_rows = vec4<f32>(0.0);
-        for (var i = lo.x - lo.x % 2; i <= hi.x; i += 2) {
+        for (var i = lo.x; i <= hi.x; i += 2) {
             let zeros = min(
                 min(empty_FIELD(vec3<i32>(i, at)), empty_FIELD(vec3<i32>(i, b))),
                 min(empty_FIELD(vec3<i32>(i, c)), empty_FIELD(vec3<i32>(i, d))),
@@ -48,9 +47,11 @@ fn gathered_FIELD(cell: vec3<u32>, before: vec2<f32>) -> vec2<f32> {
                 i += zeros - 2;
                 continue;
             }
-            let here = select(vec4<f32>(0.0), four_FIELD(i, y, z, size), i >= lo.x);
+            let here = four_FIELD(i, y, z, size);
             let next = select(vec4<f32>(0.0), four_FIELD(i + 1, y, z, size), i < hi.x);
-            of_rows += share(begin.x, end.x, i) * here + share(begin.x, end.x, i + 1) * next;
+            // One after the other, so that sums are those of every layout, whatever is passed over.
+            of_rows += share(begin.x, end.x, i) * here;
+            of_rows += share(begin.x, end.x, i + 1) * next;
             most = larger(most, larger(largest_FIELD(here), largest_FIELD(next)));
         }
         // One after the other, so that sums do not depend on where a pass ends.

@@ -1,8 +1,17 @@
-// `reconstruct`: in-scattered radiance from what clusters of transfer matrices make of light. One invocation a cell.
+// `reconstruct`: in-scattered radiance from what clusters of transfer matrices make of light. One invocation a cell, or four.
 
 @compute @workgroup_size(UNITS)
 fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let n = number(id) * UNITS + lane;
+    if fours_rows {
+        // Four cells, whose rows are a texel.
+        let four = launch.start / 4u + n;
+        let range = vec2<u32>(launch.start, launch.start + launch.count);
+        if 4u * four < range.y {
+            reconstruct_four(four, range);
+        }
+        return;
+    }
     if n >= launch.count {
         return;
     }
@@ -14,7 +23,7 @@ fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_i
         for (var j = 0u; j < moments; j++) {
             var light = vec3<f32>(0.0);
             if row > 0u {
-                light = read_tables(j) * arriving(row - 1u, j);
+                light = read_tables(j) * arriving(row - 1u, cluster(0u, row - 1u), j);
             }
             in_scatter[place * moments + j] = vec4<f32>(light, 0.0);
         }
@@ -25,26 +34,52 @@ fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_i
         var basis: array<f32, HARMONICS_MAX>;
         harmonics(view_direction(cell), params.bands, &basis);
         for (var j = 0u; j < moments; j++) {
-            sum += read_tables(j) * basis[j] * arriving(row - 1u, j);
+            sum += read_tables(j) * basis[j] * arriving(row - 1u, cluster(0u, row - 1u), j);
         }
     }
     in_scatter[place] = vec4<f32>(sum, 0.0);
 }
 
-// Moment `j` of a row; a channel serves all of RGB, or each its own component.
-fn arriving(row: u32, j: u32) -> vec3<f32> {
-    let first = restored(0u, row, j);
+// The moments of cells 4 `four` to 4 `four` + 3, of those of a range. What each waits for is asked for before the rest.
+fn reconstruct_four(four: u32, range: vec2<u32>) {
+    let moments = params.bands * params.bands;
+    let rows = min(read_four_rows(four), vec4<u32>(params.rows));
+    let places = max(rows, vec4<u32>(1u)) - 1u;
+    let clusters = vec4<u32>(cluster(0u, places.x), cluster(0u, places.y), cluster(0u, places.z), cluster(0u, places.w));
+    for (var j = 0u; j < moments; j++) {
+        let weight = read_tables(j);
+        keep(range, 4u * four, j, rows.x, weight * arriving(places.x, clusters.x, j));
+        keep(range, 4u * four + 1u, j, rows.y, weight * arriving(places.y, clusters.y, j));
+        keep(range, 4u * four + 2u, j, rows.z, weight * arriving(places.z, clusters.z, j));
+        keep(range, 4u * four + 3u, j, rows.w, weight * arriving(places.w, clusters.w, j));
+    }
+}
+
+// Writes moment `j` of a cell of a range; nothing arrives in row 0.
+fn keep(range: vec2<u32>, cell: u32, j: u32, row: u32, light: vec3<f32>) {
+    if cell >= range.x && cell < range.y {
+        in_scatter[cell * params.bands * params.bands + j] = vec4<f32>(select(vec3<f32>(0.0), light, row > 0u), 0.0);
+    }
+}
+
+// A row's cluster in a channel.
+fn cluster(channel: u32, row: u32) -> u32 {
+    return min(read_clusters(channel * params.rows + row), params.clusters - 1u);
+}
+
+// Moment `j` of a row, of which the cluster in the first channel is given; a channel serves all of RGB, or each its own component.
+fn arriving(row: u32, first_cluster: u32, j: u32) -> vec3<f32> {
+    let first = restored(0u, row, first_cluster, j);
     if params.channels == 1u {
         return first;
     }
-    return vec3<f32>(first.x, restored(1u, row, j).y, restored(2u, row, j).z);
+    return vec3<f32>(first.x, restored(1u, row, cluster(1u, row), j).y, restored(2u, row, cluster(2u, row), j).z);
 }
 
 // Moment `j` of a row in a channel: its cluster's mean, and what it weighs the components.
-fn restored(channel: u32, row: u32, j: u32) -> vec3<f32> {
+fn restored(channel: u32, row: u32, cluster: u32, j: u32) -> vec3<f32> {
     let moments = params.bands * params.bands;
     let place = channel * params.rows + row;
-    let cluster = min(read_clusters(place), params.clusters - 1u);
     var at = (channel * params.clusters + cluster) * (1u + params.components) * moments + j;
     var sum = read_radiance(at).xyz;
     for (var i = 0u; i < params.components; i += 4u) {

@@ -160,9 +160,9 @@ impl WgpuDevice {
                 Ok(Shot { range: piece.range, first, past, bound })
             });
             let shots = shots.collect::<Result<_, DeviceError>>()?;
-            let units = part.taken(self.units, self.texels);
+            let (units, aligned) = (part.taken(self.units, self.texels, *fetched), part.aligned(*fetched));
             let (params, sequential) = (stage.params(), part.sequential);
-            Ok(Launches { pipeline, params, units, sequential, copies, shots })
+            Ok(Launches { pipeline, params, units, aligned, sequential, copies, shots })
         });
         let launches = launches.collect::<Result<Vec<_>, DeviceError>>();
         let recorded = launches.and_then(|launches| {
@@ -261,7 +261,8 @@ impl Device for WgpuDevice {
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), self.units);
             let copies = self.store.stale(&binding, Fetched::default());
-            let launches = Launches { pipeline: &pipeline, params, units, sequential: None, copies, shots };
+            let pipeline = &pipeline;
+            let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
             launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;
         }
         Ok(())

@@ -35,6 +35,8 @@ pub(crate) struct Launches<'s> {
     pub(crate) params: &'s [u8],
     /// Units that a workgroup takes, or items of a unit.
     pub(crate) units: u32,
+    /// What the first unit of an invocation is a multiple of.
+    pub(crate) aligned: u32,
     /// Where units run in order, one a dispatch: the items of a unit.
     pub(crate) sequential: Option<u32>,
     /// Buffers to be copied before.
@@ -113,7 +115,7 @@ impl Launches<'_> {
         let most = limits.max_compute_workgroups_per_dimension.max(1);
         let params = gpu.batch.push_params(self.params);
         let place = |(shot, start, count): (&Shot<'_>, u32, u32)| {
-            let workgroups = count.div_ceil(self.units);
+            let workgroups = (start % self.aligned + count).div_ceil(self.units);
             let across = workgroups.min(most).max(1);
             let Shot { first, past, .. } = *shot;
             let runs = workgroups / RUN;

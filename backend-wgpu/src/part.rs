@@ -178,15 +178,22 @@ impl Part {
 
     /// Units of the work axis, or items of a unit, that a workgroup takes, of so many invocations where those work alone; `known` is
     /// whether kernels know their parameters.
-    pub(crate) fn taken(&self, units: u32, known: bool) -> u32 {
+    pub(crate) fn taken(&self, units: u32, known: bool, fetched: Fetched) -> u32 {
         match &self.kernel {
-            Kernel::Stage(source) => source.taken(units, known),
+            Kernel::Stage(source) => source.taken(units, known) * self.aligned(fetched),
             Kernel::Sweep(Kind::Rows) => 1,
             Kernel::Sweep(Kind::Toward | Kind::Moments) => units,
         }
     }
 
-    /// Buffers of floats that it reads by four that follow each other.
+    /// What the first unit that an invocation takes is a multiple of, and how many it takes: those of a texel.
+    pub(crate) fn aligned(&self, fetched: Fetched) -> u32 {
+        let Kernel::Stage(source) = &self.kernel else { return 1 };
+        let index = self.bindings.iter().position(|binding| Some(binding.name) == source.by_texels());
+        if index.is_some_and(|index| fetched.has_fours(index)) { 4 } else { 1 }
+    }
+
+    /// Buffers of words that it reads by four that follow each other.
     pub(crate) fn fours(&self) -> &'static [&'static str] {
         match &self.kernel {
             Kernel::Stage(source) => source.fours,

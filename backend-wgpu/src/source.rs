@@ -81,6 +81,15 @@ fn whole(a: vec3<f32>) -> vec3<u32> {
 }
 ";
 
+/// Four numbers from the one numbered `off` on, of those of two texels.
+const FROM_TWO: &str = "\
+fn from_two(a: vec4<f32>, b: vec4<f32>, off: u32) -> vec4<f32> {
+    let two = (off & 2u) == 2u;
+    let four = select(a, vec4<f32>(a.zw, b.xy), two);
+    return select(four, vec4<f32>(four.yzw, select(b.x, b.z, two)), (off & 1u) == 1u);
+}
+";
+
 /// The smaller and the larger of two numbers. Built-in functions know what is no number, for which software drivers take three
 /// instructions in place of one.
 fn ordered(compared: bool) -> String {
@@ -144,9 +153,14 @@ impl Fetched {
         self.all >> index & 1 == 1
     }
 
+    /// Whether the binding `index` is one of them, four words at a time.
+    pub(crate) fn has_fours(self, index: usize) -> bool {
+        self.fours >> index & 1 == 1
+    }
+
     /// Words of a texel of the copy that the binding `index`, of such elements, is read from.
     pub(crate) fn words(self, index: usize, element: KernelElement) -> u32 {
-        if self.fours >> index & 1 == 1 { 4 } else { words(element) }
+        if self.has_fours(index) { 4 } else { words(element) }
     }
 }
 
@@ -197,7 +211,7 @@ pub(crate) struct Source {
     pub(crate) alone: bool,
     /// Units that an invocation takes on drivers that run on processors, where it takes one elsewhere.
     each: u32,
-    /// Buffers of floats that it reads by four that follow each other.
+    /// Buffers of words that it reads by four that follow each other.
     pub(crate) fours: &'static [&'static str],
     file: KernelFile,
     recipe: Recipe,
@@ -230,7 +244,9 @@ pub(crate) fn of(stage: &Stage) -> Source {
     let (each, fours): (u32, &[&str]) = match stage {
         // Folded ones take a row at a time.
         Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
+        Stage::Reconstruct(reconstruct) if reconstruct.params.view == 0 => (1, &["rows", "weights"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
+        Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
         _ => (1, &[]),
     };
     Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
@@ -252,6 +268,15 @@ impl Source {
             (false, "project") if known => CELLS,
             (false, "classify") => PACKS,
             (false, _) => 1,
+        }
+    }
+
+    /// The buffer of which an invocation takes as many units as texels are words: those that begin with a whole texel.
+    pub(crate) fn by_texels(&self) -> Option<&'static str> {
+        match self.name {
+            "relight" => Some("records"),
+            "reconstruct" => Some("rows"),
+            _ => None,
         }
     }
 
@@ -336,6 +361,7 @@ pub(crate) fn uniforms(params: &str, spread: bool) -> String {
         + if spread { SPREAD } else { NUMBER }
         + DIVIDE
         + WHOLE
+        + FROM_TWO
 }
 
 /// Where kernels copy their parameters to, if they do.

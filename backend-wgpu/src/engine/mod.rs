@@ -256,7 +256,8 @@ impl WgpuDevice {
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
         let copies = self.store.stale(&bindings, Fetched::default());
         self.store.wrote(&bindings, Fetched::default());
-        let launches = Launches { pipeline, params, units: text::UNITS, sequential: None, copies, shots };
+        let units = text::UNITS;
+        let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
         let what = "an engine's frame";
         let recorded = launch::record(&mut self.gpu, &mut self.groups, &self.limits, what, &[launches], None);
         // Its textures may be gone with its next frame.

@@ -1,4 +1,5 @@
-//! `read_NAME`, by which kernels read an element of a buffer that they do not write, and `read_four_NAME`, by which they read four floats.
+//! `read_NAME`, by which kernels read an element of a buffer that they do not write; `read_four_NAME`, by which they read four words; and
+//! `read_along_NAME`, by which they read four floats wherever they begin.
 
 use std::iter;
 use std::ops::Range;
@@ -21,21 +22,32 @@ pub(crate) fn words(element: KernelElement) -> u32 {
     }
 }
 
-/// The function that reads the floats 4 i to 4 i + 3 of a buffer.
-fn four(shape: &Shape, body: &str) -> String {
-    match shape.element {
-        KernelElement::Scalar(KernelScalar::F32) => {
-            format!("fn read_four_{}(i: u32) -> vec4<f32> {{\n    return {body};\n}}\n", shape.name)
-        }
-        _ => String::new(),
+/// Of a buffer of words: whether a texel is four of them; the function that reads four that follow each other; and of floats the one
+/// that reads four from `n` floats after texel `i` on.
+fn four(shape: &Shape, texel: bool, body: &str) -> String {
+    let (name, element) = (shape.name, shape.element.name(WGSL));
+    if !matches!(shape.element, KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32)) {
+        return String::new();
     }
+    let head = WGSL.truth(&format!("fours_{name}"), texel)
+        + &format!("fn read_four_{name}(i: u32) -> vec4<{element}> {{\n    return {body};\n}}\n");
+    if shape.element == KernelElement::Scalar(KernelScalar::U32) {
+        return head;
+    }
+    let along = if texel {
+        format!("from_two(read_four_{name}(i + n / 4u), read_four_{name}(i + n / 4u + 1u), n % 4u)")
+    } else {
+        let words = [0, 1, 2, 3].map(|word| format!("read_{name}(4u * i + n + {word}u)")).join(", ");
+        format!("vec4<f32>({words})")
+    };
+    head + &format!("fn read_along_{name}(i: u32, n: u32) -> vec4<f32> {{\n    return {along};\n}}\n")
 }
 
 /// From memory: the buffer, and the functions that read an element, and four that follow each other.
 pub(crate) fn memory(shape: &Shape, index: usize) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     let words = [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u]")).join(", ");
-    four(shape, &format!("vec4<f32>({words})"))
+    four(shape, false, &format!("vec4<{element}>({words})"))
         + &format!(
             "@group(1) @binding({index}) var<storage, read> {name}: array<{element}>;\nfn read_{name}(i: u32) -> {element} \
          {{\n    return {name}[i];\n}}\nfn length_{name}() -> u32 {{\n    return arrayLength(&{name});\n}}\n"
@@ -73,12 +85,12 @@ pub(crate) fn texels(shape: &Shape, index: usize, fetched: Fetched, structs: &st
     let load = |n: &str| format!("textureLoad({name}, {})", place(n));
     let words = fetched.words(index, shape.element);
     let body = match shape.element {
-        KernelElement::Scalar(KernelScalar::U32) => format!("    return {}.x;\n", load("i")),
-        KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),
-        KernelElement::Scalar(KernelScalar::F32) if words == 4 => format!(
+        KernelElement::Scalar(KernelScalar::F32 | KernelScalar::U32) if words == 4 => format!(
             "    let four = read_four_{name}(i >> 2u);\n    let near = select(four.x, four.y, (i & 1u) == 1u);\n    let far = \
              select(four.z, four.w, (i & 1u) == 1u);\n    return select(near, far, (i & 2u) == 2u);\n"
         ),
+        KernelElement::Scalar(KernelScalar::U32) => format!("    return {}.x;\n", load("i")),
+        KernelElement::Scalar(KernelScalar::U32x4) => format!("    return {};\n", load("i")),
         KernelElement::Scalar(KernelScalar::F32) => format!("    return bitcast<f32>({}.x);\n", load("i")),
         KernelElement::Scalar(KernelScalar::F32x4) => format!("    return bitcast<vec4<f32>>({});\n", load("i")),
         KernelElement::F32x2 => {
@@ -91,11 +103,11 @@ pub(crate) fn texels(shape: &Shape, index: usize, fetched: Fetched, structs: &st
     let format = if words == 1 { "r32uint" } else { "rgba32uint" };
     let of_four = if words == 1 {
         let words = [0, 1, 2, 3].map(|n| format!("read_{name}(4u * i + {n}u)")).join(", ");
-        format!("vec4<f32>({words})")
+        format!("vec4<{element}>({words})")
     } else {
-        format!("bitcast<vec4<f32>>({})", load("i"))
+        format!("bitcast<vec4<{element}>>({})", load("i"))
     };
-    four(shape, &of_four)
+    four(shape, words == 4, &of_four)
         + &format!(
             "@group(2) @binding({binding}) var {name}: texture_storage_2d<{format}, read>;\nfn read_{name}(i: u32) -> {element} \
          {{\n{body}}}\nfn length_{name}() -> u32 {{\n    return textureDimensions({name}).x;\n}}\n"
