@@ -411,9 +411,9 @@ fn inverses<S: Simd>(small: Small<'_>, sides: &[Side; 2]) -> [[F<S>; 2]; BLOCK +
     let mut found = [[F::ZERO; 2]; BLOCK + 4];
     let (first, down) = sides[1].span();
     // Found once, so that a loop over lanes is short enough to be unrolled, and what it finds stays in registers.
-    let columns: [[usize; LANES]; 2] = [0, 2].map(|part| {
-        lanes!(i => 2 * beside(sides[0].pairs[i % BLOCK][0], part + (i / BLOCK) as u32, small.width) as usize)
-    });
+    let columns: [[usize; LANES]; 2] = [0, 2].map(
+        |part| lanes!(i => 2 * beside(sides[0].pairs[i % BLOCK][0], part + (i / BLOCK) as u32, small.width) as usize),
+    );
     let mut j = 0;
     while j < down + 2 {
         let line = &small.film[2 * (beside(first, j as u32, small.height) * small.width) as usize..];
