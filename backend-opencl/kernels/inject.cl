@@ -98,6 +98,8 @@ F bell(F q) {
 // Packets of a slice of a brick, and of its 24 places along x, y and z.
 #define SLICE (BRICK * BRICK / WIDTH)
 #define SIDES ((3u * BRICK + WIDTH - 1u) / WIDTH)
+// Gaussians whose sums over a slice of the brick stay in registers.
+#define TOGETHER 8u
 
 // Where the lattice's edges stand at right angles, the exponential of a sum of three squares along them is a product of
 // three, and a brick takes 24 exponentials for a Gaussian in place of 512.
@@ -119,24 +121,45 @@ void separate(const Bound *bound, uint3 at, uint begin, uint end, F *sums) {
         second[n] = side < 2u * BRICK;
         metres[n] = to_float(side % BRICK) * (first[n] ? (F)(edge.x) : second[n] ? (F)(edge.y) : (F)(edge.z));
     }
-    for (uint entry = begin; entry < end; entry++) {
-        BlobRecord blob = bound->blobs[bound->list[entry]];
-        float3 d = corner - blob.center.xyz;
-        float3 t = (float3)(dot(d, x), dot(d, y), dot(d, z)) / edge;
-        float bells[SIDES * WIDTH];
-        for (uint n = 0u; n < SIDES; n++) {
-            F q = metres[n] + (first[n] ? (F)(t.x) : second[n] ? (F)(t.y) : (F)(t.z));
-            unpack(bell(q * q * blob.center.w), bells + n * WIDTH);
-        }
-        F across = EIGHTS(vload8(0, bells)) * blob.amplitude.x;
-        F down[SLICE];
-        for (uint n = 0u; n < SLICE; n++) {
-            down[n] = EACH_EIGHT(bells + BRICK, n);
+    F across[TOGETHER];
+    F down[TOGETHER][SLICE];
+    float up[TOGETHER][BRICK];
+    for (uint from = begin; from < end; from += TOGETHER) {
+        uint some = min(end - from, TOGETHER);
+        for (uint g = 0u; g < some; g++) {
+            BlobRecord blob = bound->blobs[bound->list[from + g]];
+            float3 d = corner - blob.center.xyz;
+            float3 t = (float3)(dot(d, x), dot(d, y), dot(d, z)) / edge;
+            float bells[SIDES * WIDTH];
+            for (uint n = 0u; n < SIDES; n++) {
+                F q = metres[n] + (first[n] ? (F)(t.x) : second[n] ? (F)(t.y) : (F)(t.z));
+                unpack(bell(q * q * blob.center.w), bells + n * WIDTH);
+            }
+            across[g] = EIGHTS(vload8(0, bells)) * blob.amplitude.x;
+            for (uint n = 0u; n < SLICE; n++) {
+                down[g][n] = EACH_EIGHT(bells + BRICK, n);
+            }
+            vstore8(vload8(0, bells + 2u * BRICK), 0, up[g]);
         }
         for (uint k = 0u; k < BRICK; k++) {
-            F level = across * bells[2u * BRICK + k];
+            F slice[SLICE];
+#pragma unroll
             for (uint n = 0u; n < SLICE; n++) {
-                sums[k * SLICE + n] += level * down[n];
+                slice[n] = sums[k * SLICE + n];
+            }
+            for (uint g = 0u; g < some; g++) {
+                if (up[g][k] == 0.0f) {
+                    continue;
+                }
+                F level = across[g] * up[g][k];
+#pragma unroll
+                for (uint n = 0u; n < SLICE; n++) {
+                    slice[n] += level * down[g][n];
+                }
+            }
+#pragma unroll
+            for (uint n = 0u; n < SLICE; n++) {
+                sums[k * SLICE + n] = slice[n];
             }
         }
     }

@@ -1,6 +1,6 @@
 // `sweep`: light along many directions at the cells of a coarse grid, each from its neighbours upwind. A dispatch is some
 // steps of a batch, a workgroup a direction of it; or the moments of a batch, a work-item some coefficients of a cell, or all of
-// a packet of cells.
+// a packet of cells; or, of packets before all others, what cells hold with x and y exchanged, a work-item a slice of a value.
 
 // A direction's planes of cells, in rows along the first of the axes that they span. Around a plane lies a border of one cell
 // of what stands beyond, and before and behind each row a packet's room, so that packets load without asking.
@@ -23,9 +23,20 @@ typedef struct {
     uint size;
 } Planes;
 
+// What the cells hold, of each value a grid, and how far it is from a cell to the next in its row, in the next row, and in the next plane.
+typedef struct {
+    __global const float *optics;
+    __global const float *sources;
+    uint hop;
+    uint row;
+    uint plane;
+} Cells;
+
 Planes planes(const Bound *bound, uint n, uint first);
+Cells cells_of(const Bound *bound, const Planes *of);
+void turned(const Bound *bound, uint item);
 size_t part(const Bound *bound, const Planes *of, uint step, uint kind, uint channel);
-size_t corner(const Planes *of, uint step);
+size_t corner(const Planes *of, uint step, uint plane);
 INLINE F load(__global const float *from, size_t start, size_t end, uint hop, uint left);
 void enter(const Bound *bound, const Planes *of, uint step, bool lit);
 INLINE void lay(const Planes *of, __global float *values, uint row, uint column, bool repeats, float value, F v);
@@ -33,11 +44,19 @@ void advance(const Bound *bound, const Planes *of, uint step);
 INLINE F between(__global const float *values, const int *around, const float *weights, const M *closed, F own);
 INLINE F leaning(F tau, F2 piece);
 INLINE M obstructs(U word, const SweepDirection *way, uint first, uint second);
-INLINE F source(const Bound *bound, uint direction, uint channel, size_t cell, uint hop, uint left);
+INLINE F source(const Bound *bound, const Cells *held, uint direction, uint channel, size_t cell, uint left);
 void gather(const Bound *bound, uint item, uint first, uint taken);
 INLINE void summed(const Bound *bound, size_t cell, uint first, uint taken, uint channel, uint k, const uint many);
 
 void run_sweep(const Bound *bound) {
+#if WIDTH > 1
+    if (bound->launch->units == 0u) {
+        if (number() / WIDTH < bound->launch->count) {
+            turned(bound, (uint)(number() / WIDTH));
+        }
+        return;
+    }
+#endif
     uint steps = bound->params->cells.w;
     uint begin = bound->launch->start % (steps + 1u);
     uint first = bound->launch->start / (steps + 1u) * bound->params->batch;
@@ -81,6 +100,49 @@ Planes planes(const Bound *bound, uint n, uint first) {
     return of;
 }
 
+// What the planes of a direction are taken from. Planes normal to x have no rows side by side in memory, and packets would gather each
+// of them for every direction: they take the copies that were turned before, which lie behind the planes.
+Cells cells_of(const Bound *bound, const Planes *of) {
+    Cells held = {bound->optics, bound->sources, of->hop, of->row, of->plane};
+#if WIDTH > 1
+    if (of->way.axis == 0u) {
+        uint3 cells = bound->params->cells.xyz;
+        held.optics = bound->scratch + 2u * (size_t)bound->params->batch * bound->launch->room;
+        held.sources = held.optics + COARSEN_PLANES * (size_t)cells.x * cells.y * cells.z;
+        held.hop = 1u;
+        held.plane = cells.y;
+    }
+#endif
+    return held;
+}
+
+#if WIDTH > 1
+
+// A slice of a value of the cells, with x and y exchanged: those of optics, then those of sources.
+void turned(const Bound *bound, uint item) {
+    uint3 cells = bound->params->cells.xyz;
+    size_t slice = (size_t)cells.x * cells.y;
+    size_t count = slice * cells.z;
+    uint value = item / cells.z;
+    bool sent = value >= COARSEN_PLANES;
+    if (!sent && value % 3u >= bound->params->channels) {
+        // No channel of the radiance asks for it.
+        return;
+    }
+    __global const float *from = sent ? bound->sources + (value - COARSEN_PLANES) * count : bound->optics + value * count;
+    __global float *to = bound->scratch + 2u * (size_t)bound->params->batch * bound->launch->room + value * count;
+    from += item % cells.z * slice;
+    to += item % cells.z * slice;
+    for (uint x = 0u; x < cells.x; x++) {
+        for (uint y = 0u; y < cells.y; y += WIDTH) {
+            uint left = cells.y - y;
+            put_row(load(from + x, (size_t)y * cells.x, 0u, cells.x, left), to + x * cells.y + y, min(left, (uint)WIDTH));
+        }
+    }
+}
+
+#endif
+
 // Where in the memory that planes share lies what one holds of a channel: radiance, extinction, source and emission, kinds 0 to 3. Two planes take turns.
 size_t part(const Bound *bound, const Planes *of, uint step, uint kind, uint channel) {
     uint channels = bound->params->channels;
@@ -88,10 +150,10 @@ size_t part(const Bound *bound, const Planes *of, uint step, uint kind, uint cha
     return (2u * of->n + step % 2u) * floats + (kind * channels + channel) * of->size;
 }
 
-// Number of a plane's cell (0, 0) within the grid.
-size_t corner(const Planes *of, uint step) {
+// Number of a plane's cell (0, 0) within a grid whose planes lie so many cells apart.
+size_t corner(const Planes *of, uint step, uint plane) {
     bool down = (of->way.down >> of->way.axis & 1u) == 1u;
-    return (size_t)(down ? step : of->deep - 1u - step) * of->plane;
+    return (size_t)(down ? step : of->deep - 1u - step) * plane;
 }
 
 // A packet of values `hop` apart, of which `left` are left, out of memory that ends at `end`. Lanes past the last hold what lies
@@ -111,7 +173,9 @@ void enter(const Bound *bound, const Planes *of, uint step, bool lit) {
     uint3 cells = bound->params->cells.xyz;
     size_t count = (size_t)cells.x * cells.y * cells.z;
     bool beyond = step == 0xffffffffu;
-    size_t from = beyond ? 0u : corner(of, step);
+    Cells held = cells_of(bound, of);
+    size_t from = beyond ? 0u : corner(of, step, held.plane);
+    size_t from_lit = beyond ? 0u : corner(of, step, of->plane);
     size_t words = bound->optics_words;
     bool scatters = bound->params->source_coefficients > 0u;
     bool shines = bound->params->emits == 1u;
@@ -132,19 +196,20 @@ void enter(const Bound *bound, const Planes *of, uint step, bool lit) {
             uint column = i % of->packets * WIDTH;
             uint row = i / of->packets;
             uint left = of->across - column;
-            size_t cell = from + (size_t)row * of->row + (size_t)column * of->hop;
-            F held = load(bound->optics, channel * count + cell, words, of->hop, left);
-            lay(of, extinction, row, column, false, 0.0f, held);
+            size_t cell = from + (size_t)row * held.row + (size_t)column * held.hop;
+            F v = load(held.optics, channel * count + cell, words, held.hop, left);
+            lay(of, extinction, row, column, false, 0.0f, v);
             if (scatters) {
-                lay(of, sent, row, column, true, 0.0f, source(bound, of->direction, channel, cell, of->hop, left));
+                lay(of, sent, row, column, true, 0.0f, source(bound, &held, of->direction, channel, cell, left));
             }
             if (shines) {
-                held = load(bound->optics, (6u + channel) * count + cell, words, of->hop, left);
-                lay(of, emission, row, column, false, 0.0f, held);
+                v = load(held.optics, (6u + channel) * count + cell, words, held.hop, left);
+                lay(of, emission, row, column, false, 0.0f, v);
             }
             if (lit) {
-                held = load(bound->radiance, (of->n * channels + channel) * count + cell, 0u, of->hop, left);
-                lay(of, radiance, row, column, false, bound->params->boundary, held);
+                cell = from_lit + (size_t)row * of->row + (size_t)column * of->hop;
+                v = load(bound->radiance, (of->n * channels + channel) * count + cell, 0u, of->hop, left);
+                lay(of, radiance, row, column, false, bound->params->boundary, v);
             }
         }
     }
@@ -183,7 +248,7 @@ void advance(const Bound *bound, const Planes *of, uint step) {
     uint channels = bound->params->channels;
     uint3 cells = bound->params->cells.xyz;
     size_t count = (size_t)cells.x * cells.y * cells.z;
-    size_t from = corner(of, step);
+    size_t from = corner(of, step, of->plane);
     for (uint i = MEMBER; i < of->down * of->packets; i += MEMBERS) {
         uint column = i % of->packets * WIDTH;
         uint row = i / of->packets;
@@ -268,17 +333,17 @@ INLINE M obstructs(U word, const SweepDirection *way, uint first, uint second) {
     return (word >> (z * 9u + y * 3u + x) & 1u) == 1u;
 }
 
-// The source function of a packet of cells `hop` apart, of which `left` are left.
-INLINE F source(const Bound *bound, uint direction, uint channel, size_t cell, uint hop, uint left) {
+// The source function of a packet of cells of a row, of which `left` are left.
+INLINE F source(const Bound *bound, const Cells *held, uint direction, uint channel, size_t cell, uint left) {
     uint3 cells = bound->params->cells.xyz;
     size_t count = (size_t)cells.x * cells.y * cells.z;
     F sum = (F)(0.0f);
     uint coefficients = bound->params->source_coefficients;
     for (uint k = 0u; k < coefficients; k++) {
         size_t at = (k * bound->params->channels + channel) * count + cell;
-        sum += bound->source_weights[direction * coefficients + k] * load(bound->sources, at, bound->sources_words, hop, left);
+        sum += bound->source_weights[direction * coefficients + k] * load(held->sources, at, bound->sources_words, held->hop, left);
     }
-    return sum * load(bound->optics, (3u + channel) * count + cell, bound->optics_words, hop, left);
+    return sum * load(held->optics, (3u + channel) * count + cell, bound->optics_words, held->hop, left);
 }
 
 // Moments of a packet of cells, where it is one of vectors all of them: what the batches before left, and the `taken` directions

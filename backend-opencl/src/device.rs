@@ -66,9 +66,12 @@ impl OpenclDevice {
                 place.insert(self.cl.build(source.name, &text, self.options, source.width)?)
             }
         };
-        let (mut events, mut left) = (Vec::new(), range.clone());
+        let (mut events, mut left, mut begun) = (Vec::new(), range.clone(), false);
         while !left.is_empty() {
-            let next = source.next(stage, left.clone())?;
+            let mut next = source.next(stage, left.clone())?;
+            if !begun && let Some(before) = source.before(stage, &next) {
+                (next, begun) = (before, true);
+            }
             let constants = [stage.params(), bytemuck::bytes_of(&next.launch)].concat();
             let scratch = source.shares().then(|| self.scratch.of(&mut self.cl, next.scratch)).transpose()?;
             let args: Vec<_> = args.iter().copied().chain(scratch.map(Arg::Mem)).collect();

@@ -9,7 +9,7 @@ use airlight_core::device::{
     BrickLayout, DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
 };
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Classify, Inject, March, Stage, SweepParams};
+use airlight_core::stage::{Classify, Coarsen, Inject, March, Stage, SweepParams};
 use bytemuck::Zeroable;
 
 pub(crate) use airlight_core::device::{Shape, ShapeKind};
@@ -192,6 +192,11 @@ const PROJECT_PACKETS: u32 = 4;
 /// Coefficients that a work-item of `sweep` adds up side by side. As many as there are, a square, are some times four or one more.
 const SWEEP_TAKEN: u32 = 4;
 
+/// Values of a cell that are turned: those of optics and of sources.
+fn turned_values(p: &SweepParams) -> u32 {
+    Coarsen::PLANES + p.source_coefficients * p.channels
+}
+
 /// The most slabs of a field: each is an argument of its kernels.
 pub(crate) const MAX_SLABS: u32 = 16;
 
@@ -265,9 +270,20 @@ impl Source {
             DeviceError::Limit { what, requested: floats, limit }
         })?;
         let launch = Launch { count: directions, units, room, ..launch };
-        let scratch = u64::from(p.batch) * 2 * floats * size_of::<f32>() as u64;
+        let turned = if self.width > 1 { u64::from(turned_values(p)) * u64::from(p.count()) } else { 0 };
+        let scratch = (u64::from(p.batch) * 2 * floats + turned) * size_of::<f32>() as u64;
         let team = if self.width > 1 { 1 } else { TEAM };
         Ok(Dispatch { launch, units, items: directions.into(), team: Some(team), scratch })
+    }
+
+    /// What a run has to do once before `next`: packets of `sweep` take planes normal to x from copies that are turned.
+    pub(crate) fn before(&self, stage: &Stage, next: &Dispatch) -> Option<Dispatch> {
+        let Stage::Sweep(sweep) = stage else { return None };
+        let p = &sweep.params;
+        let count = turned_values(p) * p.cells[2];
+        let launch = Launch { count, units: 0, ..next.launch };
+        let wanted = self.width > 1 && next.scratch > 0;
+        wanted.then_some(Dispatch { launch, units: 0, items: count.into(), team: None, ..*next })
     }
 
     /// The text for bindings of these shapes. The kernel's arguments are the constants, and of each binding that is
@@ -296,6 +312,7 @@ impl Source {
             ("EVALUATE_ROWS", evaluate_rows(self.width)),
             ("PROJECT_PACKETS", PROJECT_PACKETS),
             ("SWEEP_TAKEN", SWEEP_TAKEN),
+            ("COARSEN_PLANES", Coarsen::PLANES),
         ] {
             let _ = writeln!(out, "#define {name} {value}u");
         }

@@ -238,6 +238,8 @@ const OPENCL: Backend = Backend {
         ("march", "full", "stands in several places of a packet's pixels"),
         ("inject", "separate", "packets share the exponentials of a brick, which invocations would have to exchange"),
         ("sweep", "planes", PLANE),
+        ("sweep", "cells_of", PLANE),
+        ("sweep", "turned", PLANE),
         ("sweep", "part", PLANE),
         ("sweep", "corner", PLANE),
         ("sweep", "load", PLANE),

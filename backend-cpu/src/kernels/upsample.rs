@@ -410,12 +410,15 @@ fn sums_of<S: Simd>([light, through]: [[F<S>; 4]; 2]) -> Sums<S> {
 fn inverses<S: Simd>(small: Small<'_>, sides: &[Side; 2]) -> [[F<S>; 2]; BLOCK + 4] {
     let mut found = [[F::ZERO; 2]; BLOCK + 4];
     let (first, down) = sides[1].span();
+    // Found once, so that a loop over lanes is short enough to be unrolled, and what it finds stays in registers.
+    let columns: [[usize; LANES]; 2] = [0, 2].map(
+        |part| lanes!(i => 2 * beside(sides[0].pairs[i % BLOCK][0], part + (i / BLOCK) as u32, small.width) as usize),
+    );
     let mut j = 0;
     while j < down + 2 {
-        let line = (beside(first, j as u32, small.height) * small.width) as usize;
+        let line = &small.film[2 * (beside(first, j as u32, small.height) * small.width) as usize..];
         for part in 0..2 {
-            let column = |i: usize| beside(sides[0].pairs[i % BLOCK][0], (2 * part + i / BLOCK) as u32, small.width);
-            let other = F::<S>::of(lanes!(i => small.film[2 * (line + column(i) as usize)][3]));
+            let other = F::<S>::of(lanes!(i => line[columns[part][i]][3]));
             let inverse = F::ONE / other.max(F::splat(1e-6)).min(F::splat(1e30));
             found[j][part] = other.ge(F::ZERO).select(inverse, F::splat(f32::INFINITY));
         }
