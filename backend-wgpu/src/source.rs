@@ -181,6 +181,9 @@ const CELLS: u32 = 8;
 /// Packs of voxels that a workgroup of `classify` takes: an invocation has a voxel of each in a vector.
 const PACKS: u32 = 4;
 
+/// Rays that an invocation of `trace` takes on drivers that run on processors, so that they share what they load of boxes.
+const RAYS: u32 = 4;
+
 /// Steps of its walk that a path takes at a turn on those drivers.
 const WALKED: u32 = 6;
 
@@ -231,6 +234,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         // Folded ones take a row at a time.
         Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
+        Stage::Trace(_) => (RAYS, &[]),
         _ => (1, &[]),
     };
     Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
@@ -275,6 +279,7 @@ impl Source {
         prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
         prelude += &WGSL.integer("PACKS", PACKS);
+        prelude += &WGSL.integer("RAYS", if known.is_some() { RAYS } else { 1 });
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {
