@@ -161,7 +161,7 @@ pub(crate) struct Variant<'p> {
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
     /// What is known of the parameters when it is built, where kernels copy them before all else and an invocation of `inject`
-    /// takes as many columns as share exponentials: on drivers that run on processors.
+    /// takes samples that share exponentials: on drivers that run on processors.
     pub(crate) known: Option<&'p Numbers>,
 }
 
@@ -177,6 +177,9 @@ pub(crate) const UNITS: u32 = 64;
 /// Cells that a workgroup of `project` takes on drivers that run on processors, so that a packet of invocations marches from
 /// neighbours along one direction.
 const CELLS: u32 = 8;
+
+/// Samples along each side of what an invocation of `inject` takes on those drivers.
+const CUBE: u32 = 4;
 
 /// Packs of voxels that a workgroup of `classify` takes: an invocation has a voxel of each in a vector.
 const PACKS: u32 = 4;
@@ -276,7 +279,12 @@ impl Source {
         prelude += &WGSL.truth("GATHERS", gathers);
         // On processors eight rows of `evaluate` share the light.
         prelude += &WGSL.truth("SHARES", known.is_some());
-        prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
+        // On processors an invocation of `inject` takes a cube of samples, which share exponentials, elsewhere a column.
+        let [wide, rows, tall] = if known.is_some() { [CUBE; 3] } else { [1, 1, Inject::BRICK] };
+        prelude += &WGSL.truth("CUBES", known.is_some());
+        prelude += &WGSL.integer("WIDE", wide);
+        prelude += &WGSL.integer("ROWS", rows);
+        prelude += &WGSL.integer("TALL", tall);
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
         prelude += &WGSL.integer("PACKS", PACKS);
         prelude += &WGSL.integer("RAYS", if known.is_some() { RAYS } else { 1 });
