@@ -16,7 +16,7 @@ fn illuminate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
     let d = at / max(t, 1.2e-38);
     let count = cells.x * cells.y * cells.z;
     let values = params.bands * params.bands * params.channels;
-    if params.light_begin == 0u {
+    if params.light_end == 0u {
         for (var value = 0u; value < values; value++) {
             moments[value * count + cell] = 0.0;
         }
@@ -26,12 +26,19 @@ fn illuminate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_in
         let record = read_lights(i);
         let light = incident(record, d, t);
         let power = arriving(record, light, at, index);
-        if max(power.x, max(power.y, power.z)) <= 0.0 {
+        // The first light is stored, not added to what is stored.
+        let lit = max(power.x, max(power.y, power.z)) > 0.0;
+        if !lit && i > 0u {
             continue;
         }
         harmonics(light.toward, params.bands, &basis);
         for (var value = 0u; value < values; value++) {
-            moments[value * count + cell] += power[value % params.channels] * basis[value / params.channels];
+            let more = select(0.0, power[value % params.channels] * basis[value / params.channels], lit);
+            if i == 0u {
+                moments[value * count + cell] = more;
+            } else {
+                moments[value * count + cell] += more;
+            }
         }
     }
 }

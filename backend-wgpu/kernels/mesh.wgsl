@@ -122,9 +122,14 @@ fn meets(way: Line, low: MeshRecord, high: MeshRecord, limit: f32) -> bool {
 // Where the ray crosses a triangle: metres along, -1 where it does not; weights of the corners.
 fn crossed(way: Line, triangle: u32) -> vec4<f32> {
     let at = 2u * params.nodes + 6u * triangle;
-    let a = seen(way, place(at));
-    let b = seen(way, place(at + 1u));
-    let c = seen(way, place(at + 2u));
+    return crosses(way, place(at), place(at + 1u), place(at + 2u));
+}
+
+// The same of a triangle's corners.
+fn crosses(way: Line, first_corner: vec3<f32>, second_corner: vec3<f32>, third_corner: vec3<f32>) -> vec4<f32> {
+    let a = seen(way, first_corner);
+    let b = seen(way, second_corner);
+    let c = seen(way, third_corner);
     let first = vec3<f32>(b.x * c.y, c.x * a.y, a.x * b.y);
     let second = vec3<f32>(b.y * c.x, c.y * a.x, a.y * b.x);
     let edges = first - second;

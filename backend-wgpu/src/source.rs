@@ -175,7 +175,7 @@ pub(crate) struct Variant<'p> {
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
     /// What is known of the parameters when it is built, where kernels copy them before all else and an invocation of `inject`
-    /// takes as many columns as share exponentials: on drivers that run on processors.
+    /// takes samples that share exponentials: on drivers that run on processors.
     pub(crate) known: Option<&'p Numbers>,
 }
 
@@ -192,8 +192,14 @@ pub(crate) const UNITS: u32 = 64;
 /// neighbours along one direction.
 const CELLS: u32 = 8;
 
+/// Samples along each side of what an invocation of `inject` takes on those drivers.
+const CUBE: u32 = 4;
+
 /// Packs of voxels that a workgroup of `classify` takes: an invocation has a voxel of each in a vector.
 const PACKS: u32 = 4;
+
+/// Rays that an invocation of `trace` takes on drivers that run on processors, so that they share what they load of boxes.
+const RAYS: u32 = 4;
 
 /// Steps of its walk that a path takes at a turn on those drivers.
 const WALKED: u32 = 6;
@@ -247,6 +253,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Reconstruct(reconstruct) if reconstruct.params.view == 0 => (1, &["rows", "weights"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
         Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
+        Stage::Trace(_) => (RAYS, &[]),
         _ => (1, &[]),
     };
     Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
@@ -297,9 +304,15 @@ impl Source {
         prelude += &WGSL.truth("GATHERS", gathers);
         // On processors eight rows of `evaluate` share the light.
         prelude += &WGSL.truth("SHARES", known.is_some());
-        prelude += &WGSL.integer("ROWS", if known.is_some() { Inject::BRICK } else { 1 });
+        // On processors an invocation of `inject` takes a cube of samples, which share exponentials, elsewhere a column.
+        let [wide, rows, tall] = if known.is_some() { [CUBE; 3] } else { [1, 1, Inject::BRICK] };
+        prelude += &WGSL.truth("CUBES", known.is_some());
+        prelude += &WGSL.integer("WIDE", wide);
+        prelude += &WGSL.integer("ROWS", rows);
+        prelude += &WGSL.integer("TALL", tall);
         prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
         prelude += &WGSL.integer("PACKS", PACKS);
+        prelude += &WGSL.integer("RAYS", if known.is_some() { RAYS } else { 1 });
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if filtered {

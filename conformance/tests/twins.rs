@@ -29,6 +29,8 @@ const COLUMNS: &str = "columns of voxels serve all cells of a row";
 const BLOCKS: &str = "a block of pixels reads those of the small film once";
 const TOGETHER: &str = "several lookups or exponentials of a packet, which wait less for each other";
 const GROUPS: &str = "lanes whose lookups fall between the same texels are looked up together";
+const RAYS: &str = "rays of an invocation walk from box to box together";
+const OPPOSITE: &str = "opposite neighbours share a walk";
 const SLICE: &str = "a slice is handed to the helper instead";
 
 const CPU: Backend = Backend {
@@ -189,6 +191,14 @@ const WGPU: Backend = Backend {
         ("maximum", "four", "rows that are looked up together"),
         ("maximum", "largest", "rows that are looked up together"),
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
+        ("mesh", "crosses", RAYS),
+        ("trace", "limit", RAYS),
+        ("trace", "keep", RAYS),
+        ("trace", "together", RAYS),
+        ("trace", "meet", RAYS),
+        ("trace", "again", RAYS),
+        ("obstruct", "either", OPPOSITE),
+        ("obstruct", "beside", OPPOSITE),
         ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
         ("relight", "relight_four", "four cells share the light where records are read by four"),
         ("relight", "lit", "four cells that share the light"),
