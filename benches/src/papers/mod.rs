@@ -251,7 +251,7 @@ mod tests {
         };
         for outcome in measured(&cpu, Duration::from_secs(600)) {
             let Outcome::Measured { timing, stages, .. } = outcome else { panic!("{outcome:?}") };
-            assert!(timing.runs >= steady::FEWEST && stages.ends_with(&["march"]), "{timing:?} {stages:?}");
+            assert!(timing.runs() >= steady::FEWEST && stages.ends_with(&["march"]), "{timing:?} {stages:?}");
         }
         for outcome in measured(&cpu, Duration::ZERO) {
             assert!(matches!(&outcome, Outcome::Skipped(why) if why.contains("more than 0 s")), "{outcome:?}");
