@@ -37,7 +37,7 @@ pub(crate) fn run(stage: &Evaluate, range: Range<u32>, memory: &mut Memory<'_>, 
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
     let rows = if p.folded == 1 { p.coefficients as usize } else { 1 };
     let chunk = (CHUNK / rows).max(1);
-    // Halves of a third of a millisecond would leave a thread waiting for the other's last one.
+    // Rayon by itself makes a few large tasks, for the last of which a thread would wait.
     out[start..end].par_chunks_mut(chunk).enumerate().with_max_len(1).for_each(|(n, out)| {
         let first = start + n * chunk;
         compiled_for!(isa, evaluate<S>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]));
