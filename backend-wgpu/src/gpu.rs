@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::collections::VecDeque;
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use airlight_core::device::DeviceError;
@@ -52,6 +53,8 @@ pub(crate) struct Gpu {
     own: bool,
     /// How long a wait asks again and again.
     awake: Duration,
+    /// Threads of a driver that runs on processors.
+    pub(crate) threads: u32,
     /// How long a submission may take.
     pub(crate) patience: Option<Duration>,
     /// Submissions that nobody has waited for, with what they are.
@@ -112,12 +115,14 @@ impl Gpu {
     }
 
     fn with(device: wgpu::Device, queue: wgpu::Queue, faults: Arc<Mutex<Faults>>) -> Self {
+        let threads = thread::available_parallelism().map_or(1, |threads| threads.get() as u32);
         Self {
             device,
             queue,
             faults,
             own: false,
             awake: Duration::ZERO,
+            threads,
             patience: None,
             under_way: VecDeque::new(),
             idle: true,

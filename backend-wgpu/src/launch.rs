@@ -9,12 +9,9 @@ use crate::batch::UNIFORM;
 use crate::gpu::Gpu;
 use crate::groups::{Entry, Groups};
 use crate::pipeline::Pipeline;
-use crate::source::{Launch, RUN};
+use crate::source::Launch;
 use crate::store::Bound;
 use crate::texels::Copy;
-
-/// The least stride of runs of workgroups.
-const STRIDE: u32 = 31;
 
 /// A piece of a dispatch.
 #[derive(Debug)]
@@ -78,18 +75,6 @@ pub(crate) fn record(
     gpu.record(what, commands)
 }
 
-/// By how many of so many runs of workgroups one follows the other: what visits all of them, and any part of them all over the work.
-fn stride(runs: u32) -> u32 {
-    let shares = |n: u32| {
-        let (mut a, mut b) = (runs.max(1), n);
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        a > 1
-    };
-    (STRIDE..).find(|&n| !shares(n)).unwrap_or(1)
-}
-
 /// What launches bind: the parameters and where each dispatch stands, whose workgroups are told too; and buffers and
 /// textures of each shot.
 struct Ready {
@@ -114,13 +99,13 @@ impl Launches<'_> {
     ) -> Result<Ready, DeviceError> {
         let most = limits.max_compute_workgroups_per_dimension.max(1);
         let params = gpu.batch.push_params(self.params);
+        let threads = gpu.threads;
         let place = |(shot, start, count): (&Shot<'_>, u32, u32)| {
             let workgroups = (start % self.aligned + count).div_ceil(self.units);
             let across = workgroups.min(most).max(1);
             let Shot { first, past, .. } = *shot;
-            let runs = workgroups / RUN;
-            let launch =
-                Launch { start, count, first, across, infinity: f32::INFINITY, runs, stride: stride(runs), past };
+            let share = workgroups / threads;
+            let launch = Launch { start, count, first, across, infinity: f32::INFINITY, threads, share, past };
             (gpu.batch.push_params(bytemuck::bytes_of(&launch)), [across, workgroups.div_ceil(across)])
         };
         let dispatches = self.dispatches().map(place).collect();
@@ -167,21 +152,5 @@ impl Launches<'_> {
             let count = self.sequential.unwrap_or(shot.range.len() as u32);
             self.units_of(shot).map(move |unit| (shot, unit, count))
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn strides_visit_every_run() {
-        for runs in [1, 2, 30, 31, 62, 96, 31 * 32 * 33] {
-            let stride = u64::from(stride(runs));
-            let mut seen = vec![false; runs as usize];
-            (0..u64::from(runs)).for_each(|n| seen[(n * stride % u64::from(runs)) as usize] = true);
-            assert!(seen.iter().all(|seen| *seen), "{runs}");
-        }
-        assert!(stride(0) > 0);
     }
 }

@@ -29,10 +29,10 @@ kernel_struct! {
         across: U32,
         /// Infinity, which WGSL has no way to write.
         infinity: F32,
-        /// Runs of [`RUN`] workgroups that have work.
-        runs: U32,
-        /// By how many of them one follows the other, where the driver gives each core as many workgroups in a row.
-        stride: U32,
+        /// Threads of a driver that gives each of them as many workgroups in a row.
+        threads: U32,
+        /// The workgroups that each of them gets.
+        share: U32,
         /// The unit past the last of those that a workgroup of a sweep takes in order, from `first` on.
         past: U32,
     }
@@ -51,15 +51,13 @@ kernel_struct! {
 /// Number of a workgroup within its dispatch, which may be a plane of them.
 const NUMBER: &str = "fn number(id: vec3<u32>) -> u32 {\n    return id.y * launch.across + id.x;\n}\n";
 
-/// Workgroups that stay together where they are spread, because neighbours look up the same.
-pub(crate) const RUN: u32 = 8;
-
-/// The same where each core of a driver gets as many workgroups in a row, of which some may be much longer work than others.
-const SPREAD: &str = "\
+/// The same where workgroups are dealt out to the threads of a driver one by one.
+const DEALT: &str = "\
 fn number(id: vec3<u32>) -> u32 {
     let n = id.y * launch.across + id.x;
-    let run = divide(n / 8u * launch.stride, max(launch.runs, 1u)).y;
-    return select(run * 8u + n % 8u, n, n >= launch.runs * 8u);
+    let dealt = divide(n, max(launch.share, 1u));
+    let turned = divide(dealt.x + countOneBits(dealt.y), launch.threads).y;
+    return select(dealt.y * launch.threads + turned, n, n >= launch.threads * launch.share);
 }
 ";
 
@@ -366,12 +364,12 @@ fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbe
     text
 }
 
-/// The parameters, and where the dispatch stands, whose workgroups are `spread` over what there is to do.
-pub(crate) fn uniforms(params: &str, spread: bool) -> String {
+/// The parameters, and where the dispatch stands, whose workgroups are `dealt` out to threads, or in order.
+pub(crate) fn uniforms(params: &str, dealt: bool) -> String {
     Launch::text(WGSL)
         + &format!("@group(0) @binding(0) var<uniform> params: {params};\n")
         + "@group(0) @binding(1) var<uniform> launch: Launch;\n"
-        + if spread { SPREAD } else { NUMBER }
+        + if dealt { DEALT } else { NUMBER }
         + DIVIDE
         + WHOLE
         + FROM_TWO
