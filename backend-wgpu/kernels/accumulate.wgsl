@@ -56,11 +56,11 @@ fn accumulate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id
     }
     // What is written is bound from a row of blocks on.
     let place = at - launch.first * BLOCK * params.width;
-    put_next(3u * place, vec4<f32>(now.radiance, now.count));
-    put_next(3u * place + 1u, vec4<f32>(now.transmittance, now.depth));
-    put_next(3u * place + 2u, vec4<f32>(light.w, 0.0, 0.0, 0.0));
-    put_mean(2u * place, vec4<f32>(now.radiance, light.w));
-    put_mean(2u * place + 1u, vec4<f32>(now.transmittance, now.depth));
+    next[3u * place] = vec4<f32>(now.radiance, now.count);
+    next[3u * place + 1u] = vec4<f32>(now.transmittance, now.depth);
+    next[3u * place + 2u] = vec4<f32>(light.w, 0.0, 0.0, 0.0);
+    mean[2u * place] = vec4<f32>(now.radiance, light.w);
+    mean[2u * place + 1u] = vec4<f32>(now.transmittance, now.depth);
 }
 
 // The history of a pixel; none where it is not finite.

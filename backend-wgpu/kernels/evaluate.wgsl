@@ -21,7 +21,7 @@ fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
     let index = launch.start + n;
     if params.folded == 0u {
         let row = index - launch.first * params.coefficients;
-        put_evaluated(row, vec4<f32>(moment(row), 0.0));
+        evaluated[row] = vec4<f32>(moment(row), 0.0);
         return;
     }
     let unit = index - launch.first;
@@ -29,12 +29,12 @@ fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
     var sum = vec3<f32>(0.0);
     if params.coefficient_begin > 0u {
         // What the passes before left.
-        sum = take_evaluated(unit).xyz;
+        sum = evaluated[unit].xyz;
     }
     for (var j = params.coefficient_begin; j < params.coefficient_end; j++) {
         sum += read_views(cluster * params.coefficients + j) * moment(unit * params.coefficients + j);
     }
-    put_evaluated(unit, vec4<f32>(sum, 0.0));
+    evaluated[unit] = vec4<f32>(sum, 0.0);
 }
 
 // What a row of the matrices makes of light.
@@ -110,8 +110,8 @@ fn arriving(at: vec4<u32>, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) ->
 // Writes up to four moments.
 fn keep(row: u32, left: u32, sums: mat3x4<f32>) {
     let s = transpose(sums);
-    if left > 0u { put_evaluated(row, vec4<f32>(s[0], 0.0)); }
-    if left > 1u { put_evaluated(row + 4u, vec4<f32>(s[1], 0.0)); }
-    if left > 2u { put_evaluated(row + 8u, vec4<f32>(s[2], 0.0)); }
-    if left > 3u { put_evaluated(row + 12u, vec4<f32>(s[3], 0.0)); }
+    if left > 0u { evaluated[row] = vec4<f32>(s[0], 0.0); }
+    if left > 1u { evaluated[row + 4u] = vec4<f32>(s[1], 0.0); }
+    if left > 2u { evaluated[row + 8u] = vec4<f32>(s[2], 0.0); }
+    if left > 3u { evaluated[row + 12u] = vec4<f32>(s[3], 0.0); }
 }

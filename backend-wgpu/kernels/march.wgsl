@@ -41,8 +41,8 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     // The film and the surfaces are bound from a row of blocks on.
     let pixel = (y - launch.first * BLOCK) * params.width + x;
     if params.alone == ALONE_RIMS && !rim(x, y) {
-        put_film(2u * pixel, vec4<f32>(0.0, 0.0, 0.0, UNMARCHED));
-        put_film(2u * pixel + 1u, vec4<f32>(1.0, 1.0, 1.0, launch.infinity));
+        film[2u * pixel] = vec4<f32>(0.0, 0.0, 0.0, UNMARCHED);
+        film[2u * pixel + 1u] = vec4<f32>(1.0, 1.0, 1.0, launch.infinity);
         return;
     }
     // The same pixel of the full picture.
@@ -57,8 +57,8 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
     var stopped_at = 0.0;
     if params.sample_begin > 0u {
         // The sums of the passes before.
-        let sums = take_film(2u * pixel);
-        let more = take_film(2u * pixel + 1u);
+        let sums = film[2u * pixel];
+        let more = film[2u * pixel + 1u];
         color = sums.xyz;
         stopped = sums.w;
         transmitted = more.xyz;
@@ -98,8 +98,8 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
         stopped_at += path.stopped * middle(path.ray, 0.0) + path.stopped_in * path.ray.step;
     }
     if params.sample_end < params.samples {
-        put_film(2u * pixel, vec4<f32>(color, stopped));
-        put_film(2u * pixel + 1u, vec4<f32>(transmitted, stopped_at));
+        film[2u * pixel] = vec4<f32>(color, stopped);
+        film[2u * pixel + 1u] = vec4<f32>(transmitted, stopped_at);
         return;
     }
     let scale = 1.0 / f32(params.samples);
@@ -115,8 +115,8 @@ fn march(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) lan
             last = min(read_surface(full * params.surface_samples).w, FAR);
         }
     }
-    put_film(2u * pixel, vec4<f32>(color * scale, last));
-    put_film(2u * pixel + 1u, vec4<f32>(transmitted * scale, depth));
+    film[2u * pixel] = vec4<f32>(color * scale, last);
+    film[2u * pixel + 1u] = vec4<f32>(transmitted * scale, depth);
 }
 
 // Whether a rim is near a pixel: of the surfaces of five by five pixels around, the nearest and the farthest.
@@ -160,8 +160,8 @@ fn enter(direction: vec3<f32>, limit: f32, place: f32) -> Path {
 
 // The path as an earlier pass left it.
 fn resume(path: ptr<function, Path>, pixel: u32) {
-    let light = take_paths(2u * pixel);
-    let through = take_paths(2u * pixel + 1u);
+    let light = paths[2u * pixel];
+    let through = paths[2u * pixel + 1u];
     (*path).radiance = light.xyz;
     (*path).stopped = light.w;
     (*path).transmittance = through.xyz;
@@ -170,8 +170,8 @@ fn resume(path: ptr<function, Path>, pixel: u32) {
 
 // Leaves the path to the next pass.
 fn keep(path: Path, pixel: u32) {
-    put_paths(2u * pixel, vec4<f32>(path.radiance, path.stopped));
-    put_paths(2u * pixel + 1u, vec4<f32>(path.transmittance, path.stopped_in));
+    paths[2u * pixel] = vec4<f32>(path.radiance, path.stopped);
+    paths[2u * pixel + 1u] = vec4<f32>(path.transmittance, path.stopped_in);
 }
 
 // The steps of this pass.

@@ -44,9 +44,9 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
     var stop = vec4<f32>(0.0);
     var record: PathRecord;
     if params.fresh != 1u {
-        light = take_sums(3u * here);
-        seen = take_sums(3u * here + 1u);
-        stop = take_sums(3u * here + 2u);
+        light = sums[3u * here];
+        seen = sums[3u * here + 1u];
+        stop = sums[3u * here + 2u];
         record = paths[here];
     }
     var way = resume(record);
@@ -85,9 +85,9 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
             stop += vec4<f32>(way.stopped, way.stopped_at, 0.0, 0.0);
         }
     }
-    put_sums(3u * here, light);
-    put_sums(3u * here + 1u, seen);
-    put_sums(3u * here + 2u, stop);
+    sums[3u * here] = light;
+    sums[3u * here + 1u] = seen;
+    sums[3u * here + 2u] = stop;
     paths[here] = keep(way, on, numbers);
     let share = 1.0 / max(light.w, 1.0);
     let transmitted = seen.xyz * share;
@@ -97,8 +97,8 @@ fn path(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) l
     if stop.x > 0.0 {
         depth = stop.y / stop.x;
     }
-    put_film(2u * here, vec4<f32>(light.xyz * share, stops));
-    put_film(2u * here + 1u, vec4<f32>(transmitted, depth));
+    film[2u * here] = vec4<f32>(light.xyz * share, stops);
+    film[2u * here + 1u] = vec4<f32>(transmitted, depth);
 }
 
 // A place of the world, from the eye, in index space.

@@ -12,7 +12,7 @@ fn reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     // Sum and maximum of the passes before.
     var before = vec2<f32>(0.0);
     if params.row_begin > 0u {
-        before = take_reduced(index - launch.first);
+        before = reduced[index - launch.first];
     }
     var found = gathered_density(cell, before);
     if coarse.w > 0u {
@@ -26,7 +26,7 @@ fn reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     if params.row_end == ALL_ROWS {
         found.x = mean(cell, found.x);
     }
-    put_reduced(index - launch.first, found);
+    reduced[index - launch.first] = found;
 }
 
 // The part of voxel `i` that lies between two places; voxel i fills i to i + 1.

@@ -32,7 +32,7 @@ fn limit(unit: u32) -> f32 {
     if params.node_begin == 0u {
         return FAR;
     }
-    return min(take_hits(2u * (unit - launch.first)).w, FAR);
+    return min(hits[2u * (unit - launch.first)].w, FAR);
 }
 
 // Stores what a ray meets.
@@ -45,11 +45,11 @@ fn keep(unit: u32, way: Line, hit: Hit) {
         let size = length(normal);
         normal = select(own, normal / max(size, 1.2e-38), size > 0.0);
         normal = select(normal, -normal, dot(normal, own) < 0.0);
-        put_hits(out, vec4<f32>(normal, hit.distance));
-        put_hits(out + 1u, vec4<f32>(own, f32(read_mesh(at + 3u).number)));
+        hits[out] = vec4<f32>(normal, hit.distance);
+        hits[out + 1u] = vec4<f32>(own, f32(read_mesh(at + 3u).number));
     } else if params.node_begin == 0u {
-        put_hits(out, vec4<f32>(0.0, 0.0, 0.0, launch.infinity));
-        put_hits(out + 1u, vec4<f32>(0.0));
+        hits[out] = vec4<f32>(0.0, 0.0, 0.0, launch.infinity);
+        hits[out + 1u] = vec4<f32>(0.0);
     }
 }
 

@@ -53,8 +53,8 @@ fn upsample(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_id) 
     // Exactly nothing where all came through, also where a product and a sum are rounded as one.
     let all = 3.0 * found.weight;
     let alpha = (all - (found.transmittance.x + found.transmittance.y + found.transmittance.z)) / all;
-    put_film(2u * pixel, vec4<f32>(color, alpha));
-    put_film(2u * pixel + 1u, vec4<f32>(transmittance, depth));
+    film[2u * pixel] = vec4<f32>(color, alpha);
+    film[2u * pixel + 1u] = vec4<f32>(transmittance, depth);
 }
 
 // A film of so many pixels of the picture along each side of one of its own.

@@ -230,7 +230,7 @@ pub(crate) struct Source {
     each: u32,
     /// Buffers of words that it reads by four that follow each other.
     pub(crate) fours: &'static [&'static str],
-    /// Buffers of floats that it writes by two or four.
+    /// Buffers of floats that it writes by four.
     wide: &'static [&'static str],
     /// Whether it writes single floats of those.
     singly: bool,
@@ -272,14 +272,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         _ => (1, &[]),
     };
     let wide: &[&str] = match stage {
-        Stage::Reduce(_) => &["reduced"],
         Stage::Relight(_) | Stage::Reconstruct(_) => &["in_scatter"],
-        Stage::March(_) => &["paths", "film"],
-        Stage::Trace(_) => &["hits"],
-        Stage::Upsample(_) => &["film"],
-        Stage::Accumulate(_) => &["next", "mean"],
-        Stage::Path(_) => &["sums", "film"],
-        Stage::Evaluate(_) => &["evaluated"],
         Stage::Classify(_) => &["classified"],
         _ => &[],
     };
@@ -349,7 +342,7 @@ impl Source {
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
         if fetched.pairs != 0 {
-            prelude += reads::PAIRS;
+            prelude += reads::TWO;
         }
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";

@@ -1,5 +1,5 @@
 //! `read_NAME`, by which kernels read an element of a buffer that they do not write; `read_four_NAME`, by which they read four words; and
-//! `read_along_NAME`, by which they read four floats wherever they begin.
+//! `read_along_NAME`, by which they read four floats wherever they begin. And `put_NAME`, by which they write four floats at once.
 
 use std::iter;
 use std::ops::Range;
@@ -71,39 +71,30 @@ pub(crate) fn written(shape: &Shape) -> String {
     format!("fn write_{name}(i: u32, value: {element}) {{\n    {name}[i] = value;\n}}\n")
 }
 
-/// A buffer of floats that a kernel writes by two or four: the functions that write them and read what was written. Where `pairs`
-/// two floats are one integer of 64 bits, which drivers that store a word of an invocation at a time store at once; kernels that
-/// write single floats are not built so.
+/// A buffer of floats that a kernel writes by four, or singly where it says so: the functions that do. Where `pairs` two floats are
+/// an integer of 64 bits, which drivers that store one value of one invocation at a time store at once; that is not for kernels that
+/// write single floats.
 pub(crate) fn wide(shape: &Shape, index: usize, pairs: bool) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     let single = shape.element == KernelElement::Scalar(KernelScalar::F32);
-    let (value, words) = if shape.element == KernelElement::F32x2 { ("vec2<f32>", 2) } else { ("vec4<f32>", 4) };
-    let (stored, put, take, write) = match (pairs, words) {
-        (true, 2) => ("u64", "two(v)".to_owned(), "apart(NAME[i])".to_owned(), ""),
-        (true, _) => {
-            let both = "vec4<f32>(apart(NAME[i].x), apart(NAME[i].y))";
-            ("vec2<u64>", "vec2<u64>(two(v.xy), two(v.zw))".to_owned(), both.to_owned(), "")
-        }
-        (false, _) => (element, "v".to_owned(), "NAME[i]".to_owned(), "NAME[i] = v;"),
+    let stored = if pairs { "vec2<u64>" } else { element };
+    let put = match (pairs, single) {
+        (true, _) => format!("{name}[i] = vec2<u64>(two(v.xy), two(v.zw));"),
+        (false, true) => [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u] = v[{n}];")).join(" "),
+        (false, false) => format!("{name}[i] = v;"),
     };
-    let (put, take) = if single && !pairs {
-        let store = |n| format!("NAME[4u * i + {n}u] = v[{n}];");
-        let load = |n| format!("NAME[4u * i + {n}u]");
-        ([0, 1, 2, 3].map(store).join(" "), format!("vec4<f32>({})", [0, 1, 2, 3].map(load).join(", ")))
-    } else {
-        (format!("NAME[i] = {put};"), take)
-    };
-    let mut text = format!("@group(1) @binding({index}) var<storage, read_write> NAME: array<{stored}>;\n")
-        + &format!("fn put_NAME(i: u32, v: {value}) {{\n    {put}\n}}\n")
-        + &format!("fn take_NAME(i: u32) -> {value} {{\n    return {take};\n}}\n");
+    let mut text = format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{stored}>;\n");
+    text += &format!("fn put_{name}(i: u32, v: vec4<f32>) {{\n    {put}\n}}\n");
     if single {
-        text += &format!("fn write_NAME(i: u32, v: f32) {{\n    {write}\n}}\n");
+        let write = if pairs { String::new() } else { format!("    {name}[i] = v;\n") };
+        text += &format!("fn write_{name}(i: u32, v: f32) {{\n{write}}}\n");
     }
-    text.replace("NAME", name)
+    text
 }
 
-/// Functions of [`wide`]: two floats as an integer, and back.
-pub(crate) const PAIRS: &str = "fn two(v: vec2<f32>) -> u64 {\n    let words = bitcast<vec2<u32>>(v);\n    return u64(words.x) | (u64(words.y)                                 << 32u);\n}\nfn apart(pair: u64) -> vec2<f32> {\n    return bitcast<vec2<f32>>(vec2<u32>(u32(pair),                                 u32(pair >> 32u)));\n}\n";
+/// Two floats as an integer, for [`wide`].
+pub(crate) const TWO: &str = "fn two(v: vec2<f32>) -> u64 {\n    let words = bitcast<vec2<u32>>(v);\n    return u64(words.x) | (u64(words.y) << \
+                              32u);\n}\n";
 
 /// Where texel `n` of a copy is.
 fn place(n: &str) -> String {
