@@ -1,5 +1,5 @@
 //! `read_NAME`, by which kernels read an element of a buffer that they do not write; `read_four_NAME`, by which they read four words; and
-//! `read_along_NAME`, by which they read four floats wherever they begin. And `put_NAME`, by which they write four floats at once.
+//! `read_along_NAME`, by which they read four floats wherever they begin; `put_NAME`, by which they write four.
 
 use std::iter;
 use std::ops::Range;
@@ -83,13 +83,13 @@ pub(crate) fn wide(shape: &Shape, index: usize, pairs: bool) -> String {
         (false, true) => [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u] = v[{n}];")).join(" "),
         (false, false) => format!("{name}[i] = v;"),
     };
-    let mut text = format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{stored}>;\n");
-    text += &format!("fn put_{name}(i: u32, v: vec4<f32>) {{\n    {put}\n}}\n");
-    if single {
-        let write = if pairs { String::new() } else { format!("    {name}[i] = v;\n") };
-        text += &format!("fn write_{name}(i: u32, v: f32) {{\n{write}}}\n");
+    let text = format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{stored}>;\n")
+        + &format!("fn put_{name}(i: u32, v: vec4<f32>) {{\n    {put}\n}}\n");
+    if !single {
+        return text;
     }
-    text
+    let write = if pairs { String::new() } else { format!("    {name}[i] = v;\n") };
+    text + &format!("fn write_{name}(i: u32, v: f32) {{\n{write}}}\n")
 }
 
 /// Two floats as an integer, for [`wide`].
