@@ -37,14 +37,10 @@ fn write(there: bool, out: u32, p: ControlRecord) {
     }
     if params.dims.w < CLASSIFY_COLOR {
         let reach = max(max(p.first.x, p.first.y), p.first.z);
-        classified[out] = select(p.place.y, reach, params.dims.w == CLASSIFY_REACH);
+        write_classified(out, select(p.place.y, reach, params.dims.w == CLASSIFY_REACH));
         return;
     }
-    let found = color(p);
-    classified[4u * out] = found.x;
-    classified[4u * out + 1u] = found.y;
-    classified[4u * out + 2u] = found.z;
-    classified[4u * out + 3u] = 0.0;
+    put_classified(out, vec4<f32>(color(p), 0.0));
 }
 
 // What the control points say of a value with so many of them at or below it: linear between two, constant beyond the first and

@@ -25,7 +25,7 @@ fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_i
             if row > 0u {
                 light = read_tables(j) * arriving(row - 1u, cluster(0u, row - 1u), j);
             }
-            in_scatter[place * moments + j] = vec4<f32>(light, 0.0);
+            put_in_scatter(place * moments + j, vec4<f32>(light, 0.0));
         }
         return;
     }
@@ -37,7 +37,7 @@ fn reconstruct(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_i
             sum += read_tables(j) * basis[j] * arriving(row - 1u, cluster(0u, row - 1u), j);
         }
     }
-    in_scatter[place] = vec4<f32>(sum, 0.0);
+    put_in_scatter(place, vec4<f32>(sum, 0.0));
 }
 
 // The moments of cells 4 `four` to 4 `four` + 3, of those of a range. What each waits for is asked for before the rest.
@@ -58,7 +58,7 @@ fn reconstruct_four(four: u32, range: vec2<u32>) {
 // Writes moment `j` of a cell of a range; nothing arrives in row 0.
 fn keep(range: vec2<u32>, cell: u32, j: u32, row: u32, light: vec3<f32>) {
     if cell >= range.x && cell < range.y {
-        in_scatter[cell * params.bands * params.bands + j] = vec4<f32>(select(vec3<f32>(0.0), light, row > 0u), 0.0);
+        put_in_scatter(cell * params.bands * params.bands + j, vec4<f32>(select(vec3<f32>(0.0), light, row > 0u), 0.0));
     }
 }
 

@@ -26,7 +26,7 @@ fn relight(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         } else {
             sum = read_light(layer).xyz * (record(cell, layer) + glow(cell, layer));
         }
-        in_scatter[cell * params.layers + layer] = vec4<f32>(sum, 0.0);
+        put_in_scatter(cell * params.layers + layer, vec4<f32>(sum, 0.0));
     }
 }
 
@@ -122,6 +122,6 @@ fn of_cell(texel: u32, n: u32) -> vec4<f32> {
 // Writes a cell of a range.
 fn keep(range: vec2<u32>, cell: u32, color: vec3<f32>) {
     if cell >= range.x && cell < range.y {
-        in_scatter[cell] = vec4<f32>(color, 0.0);
+        put_in_scatter(cell, vec4<f32>(color, 0.0));
     }
 }

@@ -50,9 +50,14 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
     if let Some(reason) = info.unusable {
         return Err(Unavailable(format!("{} cannot be opened: {reason}", info.name)));
     }
+    let mut wanted = Features::TIMESTAMP_QUERY | Features::FLOAT32_FILTERABLE;
+    if fetches(&adapter.get_info()) {
+        // Kernels write two words at once.
+        wanted |= Features::SHADER_INT64;
+    }
     let request = wgpu::DeviceDescriptor {
         label: Some("airlight"),
-        required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_FILTERABLE),
+        required_features: adapter.features() & wanted,
         // All that there is: the defaults of WebGPU are far below what most adapters hold.
         required_limits: adapter.limits(),
         memory_hints: wgpu::MemoryHints::Performance,

@@ -47,6 +47,8 @@ pub struct WgpuDevice {
     pub(crate) units: u32,
     /// Whether kernels read fields, and copies of buffers, as storage textures.
     pub(crate) texels: bool,
+    /// Whether kernels write two words at once.
+    pairs: bool,
     clock: Clock,
 }
 
@@ -59,6 +61,7 @@ impl WgpuDevice {
         let sampler = filter::sampler(&gpu, &mut info, Filter::default());
         let adapter = gpu.device.adapter_info();
         let texels = adapter::fetches(&adapter);
+        let pairs = texels && gpu.device.features().contains(wgpu::Features::SHADER_INT64);
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -72,6 +75,7 @@ impl WgpuDevice {
             sampler,
             steady: Steady::default(),
             texels,
+            pairs,
             clock: Clock::new(tick),
         })
     }
@@ -109,6 +113,11 @@ impl WgpuDevice {
         if self.texels && cut.whole() {
             variant.fetched =
                 self.store.fetched(&shapes, bindings, (variant.filtered, part.holds, part.fours()), &self.limits);
+        }
+        if self.pairs {
+            for index in (0..bindings.len()).filter(|&index| part.pairs().contains(&bindings[index].name)) {
+                variant.fetched = variant.fetched.with_pairs(index);
+            }
         }
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };

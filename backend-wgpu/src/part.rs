@@ -202,6 +202,14 @@ impl Part {
         }
     }
 
+    /// Buffers of floats that may be written two at once.
+    pub(crate) fn pairs(&self) -> &'static [&'static str] {
+        match &self.kernel {
+            Kernel::Stage(source) => source.pairs(),
+            Kernel::Sweep(_) => &[],
+        }
+    }
+
     /// What the kernel may know of the parameters.
     pub(crate) fn places(&self) -> Vec<Place> {
         match &self.kernel {

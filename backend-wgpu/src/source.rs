@@ -127,12 +127,13 @@ fn helper(helper: Helper) -> KernelFile {
     }
 }
 
-/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies; and of which
-/// buffers of words a texel is four.
+/// Bindings of a stage, a bit each: what is read as storage textures, fields themselves and buffers from copies; of which
+/// buffers of words a texel is four; and which buffers are written two words at once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Fetched {
     all: u32,
     fours: u32,
+    pairs: u32,
 }
 
 impl Fetched {
@@ -144,6 +145,16 @@ impl Fetched {
     /// With the binding `index` too, four words at a time.
     pub(crate) fn with_fours(self, index: usize) -> Self {
         Self { fours: self.fours | 1 << index, ..self.with(index) }
+    }
+
+    /// With the buffer of the binding `index` written two words at once.
+    pub(crate) fn with_pairs(self, index: usize) -> Self {
+        Self { pairs: self.pairs | 1 << index, ..self }
+    }
+
+    /// Whether the buffer of the binding `index` is written two words at once.
+    pub(crate) fn has_pairs(self, index: usize) -> bool {
+        self.pairs >> index & 1 == 1
     }
 
     /// Whether the binding `index` is one of them.
@@ -217,6 +228,10 @@ pub(crate) struct Source {
     each: u32,
     /// Buffers of words that it reads by four that follow each other.
     pub(crate) fours: &'static [&'static str],
+    /// Buffers of floats that it writes by four.
+    wide: &'static [&'static str],
+    /// Whether it writes single floats of those.
+    singly: bool,
     file: KernelFile,
     recipe: Recipe,
 }
@@ -254,7 +269,13 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Trace(_) => (RAYS, &[]),
         _ => (1, &[]),
     };
-    Source { name: stage.name(), alone, each, fours, file, recipe: Recipe::of(stage) }
+    let wide: &[&str] = match stage {
+        Stage::Relight(_) | Stage::Reconstruct(_) => &["in_scatter"],
+        Stage::Classify(_) => &["classified"],
+        _ => &[],
+    };
+    let singly = matches!(stage, Stage::Classify(classify) if classify.params.channels() == 1);
+    Source { name: stage.name(), alone, each, fours, wide, singly, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {
@@ -285,6 +306,11 @@ impl Source {
         }
     }
 
+    /// Buffers of floats that may be written two at once.
+    pub(crate) fn pairs(&self) -> &'static [&'static str] {
+        if self.singly { &[] } else { self.wide }
+    }
+
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
     fn uneven(&self) -> bool {
         self.recipe.helpers.contains(&Helper::Mesh)
@@ -313,6 +339,9 @@ impl Source {
         prelude += &WGSL.integer("RAYS", if known.is_some() { RAYS } else { 1 });
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
         prelude += &reads::greys(&structs, self.recipe.params, known.map_or(&[], |known| known));
+        if fetched.pairs != 0 {
+            prelude += reads::TWO;
+        }
         if filtered {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
@@ -320,6 +349,9 @@ impl Source {
             prelude += &match shape.kind {
                 ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, fetched, &structs),
                 ShapeKind::Read => reads::memory(shape, index),
+                ShapeKind::Write if self.wide.contains(&shape.name) => {
+                    reads::wide(shape, index, fetched.has_pairs(index))
+                }
                 ShapeKind::Write => buffer(shape, index),
                 ShapeKind::Field { bricks: true, format, .. } => {
                     bricks::lookups(shape, index, format, fetched.has(index), filtered)

@@ -1,5 +1,5 @@
 //! `read_NAME`, by which kernels read an element of a buffer that they do not write; `read_four_NAME`, by which they read four words; and
-//! `read_along_NAME`, by which they read four floats wherever they begin.
+//! `read_along_NAME`, by which they read four floats wherever they begin; `put_NAME`, by which they write four.
 
 use std::iter;
 use std::ops::Range;
@@ -70,6 +70,31 @@ pub(crate) fn written(shape: &Shape) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     format!("fn write_{name}(i: u32, value: {element}) {{\n    {name}[i] = value;\n}}\n")
 }
+
+/// A buffer of floats that a kernel writes by four, or singly where it says so: the functions that do. Where `pairs` two floats are
+/// an integer of 64 bits, which drivers that store one value of one invocation at a time store at once; that is not for kernels that
+/// write single floats.
+pub(crate) fn wide(shape: &Shape, index: usize, pairs: bool) -> String {
+    let (name, element) = (shape.name, shape.element.name(WGSL));
+    let single = shape.element == KernelElement::Scalar(KernelScalar::F32);
+    let stored = if pairs { "vec2<u64>" } else { element };
+    let put = match (pairs, single) {
+        (true, _) => format!("{name}[i] = vec2<u64>(two(v.xy), two(v.zw));"),
+        (false, true) => [0, 1, 2, 3].map(|n| format!("{name}[4u * i + {n}u] = v[{n}];")).join(" "),
+        (false, false) => format!("{name}[i] = v;"),
+    };
+    let text = format!("@group(1) @binding({index}) var<storage, read_write> {name}: array<{stored}>;\n")
+        + &format!("fn put_{name}(i: u32, v: vec4<f32>) {{\n    {put}\n}}\n");
+    if !single {
+        return text;
+    }
+    let write = if pairs { String::new() } else { format!("    {name}[i] = v;\n") };
+    text + &format!("fn write_{name}(i: u32, v: f32) {{\n{write}}}\n")
+}
+
+/// Two floats as an integer, for [`wide`].
+pub(crate) const TWO: &str = "fn two(v: vec2<f32>) -> u64 {\n    let words = bitcast<vec2<u32>>(v);\n    return u64(words.x) | (u64(words.y) << \
+                              32u);\n}\n";
 
 /// Where texel `n` of a copy is.
 fn place(n: &str) -> String {

@@ -34,11 +34,16 @@ fn text(stage: &Stage, slabs: u32) -> Text {
 
 /// Reads and validates a kernel; faults name their file and line.
 pub(crate) fn module(text: &Text) -> Result<naga::Module, String> {
+    module_of(text, Default::default())
+}
+
+/// The same of a kernel that needs more than every device has.
+fn module_of(text: &Text, capabilities: naga::valid::Capabilities) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(&text.whole).map_err(|error| {
         let line = error.location(&text.whole).map_or(0, |at| at.line_number as usize);
         format!("{:?}: {}", text.place(line), error.message())
     })?;
-    let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), Default::default());
+    let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
     match validator.validate(&module) {
         Ok(_) => Ok(module),
         Err(error) => {
@@ -73,6 +78,14 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                     if let Err(error) = module(&of(stage).text(&shapes, variant)) {
                         panic!("{} {full} {slabs} {variant:?}: {error}", stage.name());
                     }
+                }
+                let source = of(stage);
+                let pairs = (0..shapes.len()).filter(|&index| source.pairs().contains(&shapes[index].name));
+                let variant =
+                    Variant { fetched: pairs.fold(fours, Fetched::with_pairs), known: Some(&nothing), ..plain };
+                let text = source.text(&shapes, variant);
+                if let Err(error) = module_of(&text, naga::valid::Capabilities::SHADER_INT64) {
+                    panic!("{} {full} {slabs} in pairs: {error}", stage.name());
                 }
             }
         }
