@@ -102,28 +102,29 @@ fn trace(
 ) -> u32 {
     var count = 0u;
     var on = (*photon).on;
+    var turns = (*photon).turns;
     while !(*photon).over && count < PHOTON_EVENTS {
         let leaves = (*photon).depth >= params.begin;
-        if (*photon).turns >= params.turns {
+        if turns >= params.turns {
             (*photon).over = true;
             if leaves || params.begin == 1u {
                 tally[PHOTON_TRUNCATED] += 1;
             }
             break;
         }
-        (*photon).turns += 1u;
         var light = 0.0;
         var at = on.origin;
-        if on.over {
+        let rate = approach(&on, numbers, &turns);
+        if rate == 0.0 {
+            if !on.over || turns >= params.turns {
+                continue;
+            }
+            turns += 1u;
             (*photon).over = true;
             if params.deposit == DEPOSIT_TRACK {
                 light = (*photon).weight;
             }
         } else {
-            let rate = advance(&on, numbers);
-            if rate == 0.0 {
-                continue;
-            }
             at = stands(on);
             let density = sample_density(at, vec3<i32>(params.dims.xyz), 0);
             let extinction = min(density * params.densest, rate);
@@ -171,7 +172,20 @@ fn trace(
         on = walk(at, carried((*photon).way), FAR);
     }
     (*photon).on = on;
+    (*photon).turns = turns;
     return count;
+}
+
+// On to the next tentative collision, whose rate it gives, within the turns that a photon takes at once; else 0.
+fn approach(on: ptr<function, Walk>, numbers: ptr<function, Draws>, turns: ptr<function, u32>) -> f32 {
+    var rate = 0.0;
+    for (var k = 0u; k < WALKED; k++) {
+        if rate == 0.0 && !(*on).over && *turns < params.turns {
+            rate = advance(on, numbers);
+            *turns += 1u;
+        }
+    }
+    return rate;
 }
 
 // The albedo at a place of index space, where there is some density.
