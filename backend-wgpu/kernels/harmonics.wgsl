@@ -8,7 +8,11 @@ fn harmonics(d: vec3<f32>, bands: u32, out: ptr<function, array<f32, HARMONICS_M
     for (var m = 0u; m < bands; m++) {
         var below = 0.0;
         var this_one = 0.0;
-        for (var l = m; l < bands; l++) {
+        // Loops of as many turns as drivers know are unrolled by them; few bands are worth turns that do nothing.
+        for (var l = select(m, 0u, bands <= 4u); l < bands; l++) {
+            if l < m {
+                continue;
+            }
             let at = 2u * (l * (l + 1u) / 2u + m);
             let a = harmonics_value(at);
             let next = select(d.y * this_one * a - below * harmonics_value(at + 1u), a, l == m);

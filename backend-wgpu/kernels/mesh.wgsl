@@ -57,6 +57,76 @@ fn nearest(way: Line, least: f32, limit: f32, begin: u32, end: u32) -> Hit {
     return found;
 }
 
+// No triangle.
+const NOTHING: u32 = 0xffffffffu;
+
+// What four rays meet: metres along, and triangles, NOTHING where there is none.
+struct Hits {
+    distances: vec4<f32>,
+    triangles: vec4<u32>,
+}
+
+// The nearest triangles of four rays, which walk from box to box together: each box is loaded once for all. Drivers see where rays
+// begin at one place or run parallel.
+fn together(a: Line, b: Line, c: Line, d: Line, least: vec4<f32>, limits: vec4<f32>, begin: u32, end: u32) -> Hits {
+    var found = vec4<u32>(NOTHING);
+    var far = limits;
+    var node = begin;
+    while node < end {
+        var leaf = 0u;
+        loop {
+            let low = read_mesh(2u * node);
+            let high = read_mesh(2u * node + 1u);
+            let lower = vec3<f32>(low.x, low.y, low.z);
+            let upper = vec3<f32>(high.x, high.y, high.z);
+            let met = vec4<bool>(
+                meet(a, lower, upper, far.x),
+                meet(b, lower, upper, far.y),
+                meet(c, lower, upper, far.z),
+                meet(d, lower, upper, far.w),
+            );
+            leaf = select(0u, high.number, any(met));
+            node = select(low.number, node + 1u, any(met));
+            continuing {
+                break if node >= end || (leaf & MESH_COUNT_MASK) != 0u;
+            }
+        }
+        let first = leaf >> MESH_COUNT_BITS;
+        for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
+            let at = 2u * params.nodes + 6u * (first + k);
+            let p = place(at);
+            let q = place(at + 1u);
+            let r = place(at + 2u);
+            let reached = vec4<f32>(
+                crosses(a, p, q, r).x,
+                crosses(b, p, q, r).x,
+                crosses(c, p, q, r).x,
+                crosses(d, p, q, r).x,
+            );
+            let nearer = (reached >= least) & (reached < far);
+            far = select(far, reached, nearer);
+            found = select(found, vec4<u32>(first + k), nearer);
+        }
+    }
+    return Hits(far, found);
+}
+
+// Whether one of four rays meets a box within `limit` metres.
+fn meet(way: Line, lower: vec3<f32>, upper: vec3<f32>, limit: f32) -> bool {
+    let first = (lower - way.origin) * way.inverse;
+    let last = (upper - way.origin) * way.inverse;
+    let near_x = smaller(first.x, last.x);
+    let near_y = smaller(first.y, last.y);
+    let near_z = smaller(first.z, last.z);
+    let far_x = larger(first.x, last.x);
+    let far_y = larger(first.y, last.y);
+    let far_z = larger(first.z, last.z);
+    let near = larger(larger(near_x, near_y), larger(near_z, 0.0));
+    let far = smaller(smaller(far_x, far_y), smaller(far_z, limit));
+    // Distances are good to a few units in the last place.
+    return near <= far * 1.000002;
+}
+
 // Whether a triangle of boxes `begin` to `end` stands within `limit` metres.
 fn blocked(way: Line, limit: f32, begin: u32, end: u32) -> bool {
     var stands = false;

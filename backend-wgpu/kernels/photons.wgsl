@@ -23,12 +23,11 @@ struct Photon {
     over: bool,
 }
 
-// A flight that leaves light: in index space from where, and voxels per metre; on its way through the world; metres of it, and
-// light per metre or all of it.
+// A flight that leaves light: in index space from where; on its way through the world; metres of it, and light per metre or all
+// of it.
 struct Event {
     origin: vec3<f32>,
     length: f32,
-    direction: vec3<f32>,
     light: f32,
     way: vec3<f32>,
     depth: u32,
@@ -102,28 +101,29 @@ fn trace(
 ) -> u32 {
     var count = 0u;
     var on = (*photon).on;
+    var turns = (*photon).turns;
     while !(*photon).over && count < PHOTON_EVENTS {
         let leaves = (*photon).depth >= params.begin;
-        if (*photon).turns >= params.turns {
+        if turns >= params.turns {
             (*photon).over = true;
             if leaves || params.begin == 1u {
                 tally[PHOTON_TRUNCATED] += 1;
             }
             break;
         }
-        (*photon).turns += 1u;
         var light = 0.0;
         var at = on.origin;
-        if on.over {
+        let rate = approach(&on, numbers, &turns);
+        if rate == 0.0 {
+            if !on.over || turns >= params.turns {
+                continue;
+            }
+            turns += 1u;
             (*photon).over = true;
             if params.deposit == DEPOSIT_TRACK {
                 light = (*photon).weight;
             }
         } else {
-            let rate = advance(&on, numbers);
-            if rate == 0.0 {
-                continue;
-            }
             at = stands(on);
             let density = sample_density(at, vec3<i32>(params.dims.xyz), 0);
             let extinction = min(density * params.densest, rate);
@@ -145,7 +145,7 @@ fn trace(
         }
         if leaves && light > 0.0 {
             let origin = select(at, on.origin, params.deposit == DEPOSIT_TRACK);
-            (*events)[count] = Event(origin, on.t, on.direction, light, (*photon).way, (*photon).depth);
+            (*events)[count] = Event(origin, on.t, light, (*photon).way, (*photon).depth);
             count += 1u;
         }
         if (*photon).weight < PHOTON_WEAK && !(*photon).over {
@@ -171,7 +171,29 @@ fn trace(
         on = walk(at, carried((*photon).way), FAR);
     }
     (*photon).on = on;
+    (*photon).turns = turns;
     return count;
+}
+
+// On to the next tentative collision, whose rate it gives, within as many turns as are taken at once; else 0.
+fn approach(on: ptr<function, Walk>, numbers: ptr<function, Draws>, turns: ptr<function, u32>) -> f32 {
+    var rate = step(0.0, on, numbers, turns);
+    // Written out, for drivers count turns of loops.
+    if WALKED > 1u {
+        rate = step(rate, on, numbers, turns);
+        rate = step(rate, on, numbers, turns);
+        rate = step(rate, on, numbers, turns);
+    }
+    return rate;
+}
+
+// A turn of a walk that has met nothing yet.
+fn step(rate: f32, on: ptr<function, Walk>, numbers: ptr<function, Draws>, turns: ptr<function, u32>) -> f32 {
+    if rate > 0.0 || (*on).over || *turns >= params.turns {
+        return rate;
+    }
+    *turns += 1u;
+    return advance(on, numbers);
 }
 
 // The albedo at a place of index space, where there is some density.
@@ -187,9 +209,7 @@ fn deposit(source: PhotonDirection, name: u32, event: Event) {
     tally[PHOTON_DEPOSITS] += 1;
     let cells = vec3<i32>(params.cells.xyz);
     let ratio = vec3<f32>(cells) / vec3<f32>(params.dims.xyz);
-    var flight = event;
-    flight.origin = (event.origin + 0.5) * ratio;
-    flight.direction = event.direction * ratio;
+    let origin = (event.origin + 0.5) * ratio;
     let light = event.light * source.toward.w / params.volume * params.scale;
     // Toward where the light comes from.
     var moments: array<f32, HARMONICS_MAX>;
@@ -197,19 +217,24 @@ fn deposit(source: PhotonDirection, name: u32, event: Event) {
     var cargo = Cargo(moments, draws(name, event.depth, params.seed, 0u), source.weights, source.count);
     var received = false;
     if params.deposit == DEPOSIT_TRACK {
-        received = along(&cargo, cells, flight, light);
+        received = along(&cargo, cells, origin, carried(event.way) * ratio, event.length, light);
     } else {
-        received = spread(&cargo, cells, flight.origin, light);
+        received = spread(&cargo, cells, origin, light);
     }
     if !received {
         tally[PHOTON_LOST] += 1;
     }
 }
 
-// Leaves light along a flight, whose places are in cells. Whether any cell has a row.
-fn along(cargo: ptr<function, Cargo>, cells: vec3<i32>, flight: Event, light: f32) -> bool {
-    let origin = flight.origin;
-    let direction = flight.direction;
+// Leaves light along a flight of so many metres, whose places are in cells. Whether any cell has a row.
+fn along(
+    cargo: ptr<function, Cargo>,
+    cells: vec3<i32>,
+    origin: vec3<f32>,
+    direction: vec3<f32>,
+    length: f32,
+    light: f32,
+) -> bool {
     var cell = vec3<i32>(clamp(floor(origin), vec3<f32>(0.0), vec3<f32>(cells - 1)));
     var t = 0.0;
     var received = false;
@@ -222,7 +247,7 @@ fn along(cargo: ptr<function, Cargo>, cells: vec3<i32>, flight: Event, light: f3
         } else if leave.y <= leave.z {
             axis = 1u;
         }
-        let exit = min(leave[axis], flight.length);
+        let exit = min(leave[axis], length);
         if exit > t {
             if land(cargo, u32((cell.z * cells.y + cell.y) * cells.x + cell.x), light * (exit - t)) {
                 received = true;
@@ -231,7 +256,7 @@ fn along(cargo: ptr<function, Cargo>, cells: vec3<i32>, flight: Event, light: f3
         }
         let beyond = cell[axis] + 2 * onward[axis] - 1;
         cell[axis] = beyond;
-        if exit >= flight.length || beyond < 0 || beyond >= cells[axis] {
+        if exit >= length || beyond < 0 || beyond >= cells[axis] {
             break;
         }
     }

@@ -20,7 +20,7 @@ fn trace(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) 
     let c = line(params.eye.xyz, view(units.z));
     let d = line(params.eye.xyz, view(units.w));
     let limits = vec4<f32>(limit(units.x), limit(units.y), limit(units.z), limit(units.w));
-    let found = together(a, b, c, d, limits);
+    let found = together(a, b, c, d, vec4<f32>(0.0), limits, params.node_begin, params.node_end).triangles;
     keep(units.x, a, again(a, found.x));
     keep(units.y, b, again(b, found.y));
     keep(units.z, c, again(c, found.z));
@@ -51,73 +51,6 @@ fn keep(unit: u32, way: Line, hit: Hit) {
         hits[out] = vec4<f32>(0.0, 0.0, 0.0, launch.infinity);
         hits[out + 1u] = vec4<f32>(0.0);
     }
-}
-
-// No triangle.
-const NOTHING: u32 = 0xffffffffu;
-
-// The nearest triangles of four rays from one place, which walk from box to box together: each box is loaded once for all. NOTHING
-// where there is none.
-fn together(a: Line, b: Line, c: Line, d: Line, limits: vec4<f32>) -> vec4<u32> {
-    let x = vec4<f32>(a.inverse.x, b.inverse.x, c.inverse.x, d.inverse.x);
-    let y = vec4<f32>(a.inverse.y, b.inverse.y, c.inverse.y, d.inverse.y);
-    let z = vec4<f32>(a.inverse.z, b.inverse.z, c.inverse.z, d.inverse.z);
-    var found = vec4<u32>(NOTHING);
-    var far = limits;
-    var node = params.node_begin;
-    while node < params.node_end {
-        var leaf = 0u;
-        loop {
-            let low = read_mesh(2u * node);
-            let high = read_mesh(2u * node + 1u);
-            let lower = vec3<f32>(low.x, low.y, low.z) - a.origin;
-            let upper = vec3<f32>(high.x, high.y, high.z) - a.origin;
-            let met = vec4<bool>(
-                meet(lower, upper, x.x, y.x, z.x, far.x),
-                meet(lower, upper, x.y, y.y, z.y, far.y),
-                meet(lower, upper, x.z, y.z, z.z, far.z),
-                meet(lower, upper, x.w, y.w, z.w, far.w),
-            );
-            leaf = select(0u, high.number, any(met));
-            node = select(low.number, node + 1u, any(met));
-            continuing {
-                break if node >= params.node_end || (leaf & MESH_COUNT_MASK) != 0u;
-            }
-        }
-        let first = leaf >> MESH_COUNT_BITS;
-        for (var k = 0u; k < (leaf & MESH_COUNT_MASK); k++) {
-            let at = 2u * params.nodes + 6u * (first + k);
-            let p = place(at);
-            let q = place(at + 1u);
-            let r = place(at + 2u);
-            let reached = vec4<f32>(
-                crosses(a, p, q, r).x,
-                crosses(b, p, q, r).x,
-                crosses(c, p, q, r).x,
-                crosses(d, p, q, r).x,
-            );
-            let nearer = (reached >= vec4<f32>(0.0)) & (reached < far);
-            far = select(far, reached, nearer);
-            found = select(found, vec4<u32>(first + k), nearer);
-        }
-    }
-    return found;
-}
-
-// Whether a ray meets a box within `limit` metres, whose corners are counted from where the ray begins.
-fn meet(lower: vec3<f32>, upper: vec3<f32>, x: f32, y: f32, z: f32, limit: f32) -> bool {
-    let first = lower * vec3<f32>(x, y, z);
-    let last = upper * vec3<f32>(x, y, z);
-    let near_x = smaller(first.x, last.x);
-    let near_y = smaller(first.y, last.y);
-    let near_z = smaller(first.z, last.z);
-    let far_x = larger(first.x, last.x);
-    let far_y = larger(first.y, last.y);
-    let far_z = larger(first.z, last.z);
-    let near = larger(larger(near_x, near_y), larger(near_z, 0.0));
-    let far = smaller(smaller(far_x, far_y), smaller(far_z, limit));
-    // Distances are good to a few units in the last place.
-    return near <= far * 1.000002;
 }
 
 // What a ray meets of a triangle that it is known to meet, or nothing.

@@ -207,7 +207,8 @@ const CUBE: u32 = 4;
 /// Packs of voxels that a workgroup of `classify` takes: an invocation has a voxel of each in a vector.
 const PACKS: u32 = 4;
 
-/// Rays that an invocation of `trace` takes on drivers that run on processors, so that they share what they load of boxes.
+/// Rays that an invocation of `trace` or `shadow` takes on drivers that run on processors, so that they share what they load of
+/// boxes.
 const RAYS: u32 = 4;
 
 /// Steps of its walk that a path takes at a turn on those drivers.
@@ -266,7 +267,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Reconstruct(reconstruct) if reconstruct.params.view == 0 => (1, &["rows", "weights"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
         Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
-        Stage::Trace(_) => (RAYS, &[]),
+        Stage::Trace(_) | Stage::Shadow(_) => (RAYS, &[]),
         _ => (1, &[]),
     };
     let wide: &[&str] = match stage {

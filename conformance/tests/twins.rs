@@ -30,6 +30,7 @@ const BLOCKS: &str = "a block of pixels reads those of the small film once";
 const TOGETHER: &str = "several lookups or exponentials of a packet, which wait less for each other";
 const GROUPS: &str = "lanes whose lookups fall between the same texels are looked up together";
 const RAYS: &str = "rays of an invocation walk from box to box together";
+const STEPS: &str = "several steps a turn, where drivers run both sides of every condition";
 const OPPOSITE: &str = "opposite neighbours share a walk";
 const SLICE: &str = "a slice is handed to the helper instead";
 
@@ -192,14 +193,18 @@ const WGPU: Backend = Backend {
         ("maximum", "largest", "rows that are looked up together"),
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
         ("mesh", "crosses", RAYS),
+        ("mesh", "together", RAYS),
+        ("mesh", "meet", RAYS),
         ("trace", "limit", RAYS),
         ("trace", "keep", RAYS),
-        ("trace", "together", RAYS),
-        ("trace", "meet", RAYS),
         ("trace", "again", RAYS),
         ("obstruct", "either", OPPOSITE),
         ("obstruct", "beside", OPPOSITE),
-        ("path", "step", "several steps a turn, where drivers run both sides of every condition"),
+        ("shadow", "sent", RAYS),
+        ("shadow", "keep", RAYS),
+        ("path", "step", STEPS),
+        ("photons", "approach", STEPS),
+        ("photons", "step", STEPS),
         ("relight", "relight_four", "four cells share the light where records are read by four"),
         ("relight", "lit", "four cells that share the light"),
         ("relight", "records_of_four", "four cells that share the light"),
