@@ -215,12 +215,13 @@ impl<S: Simd> F<S> {
     /// e^x for x ≤ 0, to two units in the last place; e^-87 and below is about 1e-38.
     #[inline(always)]
     pub(crate) fn exp_negative(self) -> Self {
-        let [(n, lost)] = decay_parts([-self.max(Self::splat(-87.0))]);
+        let [(n, rest)] = decay_parts([-self.max(Self::splat(-87.0))]);
+        let [lost] = lost([rest]);
         n - n * lost
     }
 }
 
-/// 2ⁿ and q of e^-x = 2ⁿ (1 - q), for x from 0 to 87, of several packets.
+/// 2ⁿ and the rest r of e^-x = 2ⁿ e^-r, for x from 0 to 87, of several packets.
 #[inline(always)]
 pub(crate) fn decay_parts<S: Simd, const N: usize>(x: [F<S>; N]) -> [(F<S>, F<S>); N] {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
@@ -231,20 +232,26 @@ pub(crate) fn decay_parts<S: Simd, const N: usize>(x: [F<S>; N]) -> [(F<S>, F<S>
     const ROUND: f32 = 12_582_912.0;
     let shifted = each!(i in N, F::ZERO => x[i] * -LOG2_E + ROUND);
     let n = each!(i in N, F::ZERO => shifted[i] - ROUND);
-    let q = lost(each!(i in N, F::ZERO => n[i] * LN2_HI + x[i] + n[i] * LN2_LO));
-    each!(i in N, (F::ZERO, F::ZERO) => (F::of(S::power_of_two(shifted[i].bits().0)), q[i]))
+    let rest = each!(i in N, F::ZERO => n[i] * LN2_HI + x[i] + n[i] * LN2_LO);
+    each!(i in N, (F::ZERO, F::ZERO) => (F::of(S::power_of_two(shifted[i].bits().0)), rest[i]))
 }
 
 /// 1 - e^-x for |x| ≤ ln 2 / 2, of several packets.
 #[inline(always)]
 pub(crate) fn lost<S: Simd, const N: usize>(x: [F<S>; N]) -> [F<S>; N] {
+    let bend = bend(x);
+    each!(i in N, F::ZERO => x[i] - x[i] * x[i] * bend[i])
+}
+
+/// b of 1 - e^-x = x - x² b for |x| ≤ ln 2 / 2, of several packets.
+#[inline(always)]
+pub(crate) fn bend<S: Simd, const N: usize>(x: [F<S>; N]) -> [F<S>; N] {
     // x - x²/2 + … - c x⁶ whose largest error relative to e^-x is the least, 4e-9. In pairs, which wait less for each other.
     let square = each!(i in N, F::ZERO => x[i] * x[i]);
     let first = each!(i in N, F::ZERO => F::splat(0.5) - x[i] * 0.166_665_35);
     let second = each!(i in N, F::ZERO => F::splat(0.041_667_238) - x[i] * 0.008_367_497);
     let upper = each!(i in N, F::ZERO => second[i] + square[i] * 0.001_386_377_1);
-    let all = each!(i in N, F::ZERO => first[i] + square[i] * upper[i]);
-    each!(i in N, F::ZERO => x[i] - square[i] * all[i])
+    each!(i in N, F::ZERO => first[i] + square[i] * upper[i])
 }
 
 impl<S: Simd> I<S> {

@@ -20,7 +20,7 @@ use ocl::core::{
 };
 
 use crate::source::entry_point;
-use crate::staged::Staged;
+use crate::staged::{Staged, Waiting};
 
 /// Work-items of a workgroup, where the device and the kernel take so many.
 const WORKGROUP: usize = 64;
@@ -184,25 +184,19 @@ impl Cl {
         Ok(mem)
     }
 
-    /// Writes into a buffer from `offset` on, after all work so far. What is small is copied and written later.
+    /// Writes into a buffer from `offset` on, after all work so far. What is small is copied and written later, with what is written
+    /// behind it.
     pub(crate) fn write(&mut self, mem: &Mem, offset: u64, data: &[u8]) -> Result<(), DeviceError> {
         self.check()?;
-        if data.is_empty() {
+        if data.is_empty() || self.staged.join(mem, offset, data) {
             return Ok(());
         }
+        self.send()?;
         self.unsee()?;
-        let (at, call, bytes) = (offset as usize, "clEnqueueWriteBuffer", data.len() as u64);
-        if let Some(copy) = self.staged.copy(data) {
-            let mut event = Event::null();
-            // SAFETY: the copy is kept until the write is done, and the caller has checked that it fits.
-            #[allow(unsafe_code)]
-            let sent = unsafe {
-                core::enqueue_write_buffer(&self.queue, mem, false, at, &copy, None::<Event>, Some(&mut event))
-            };
-            self.done(call, bytes, sent)?;
-            self.staged.keep(event, copy);
+        if self.staged.wait(mem, offset, data) {
             return Ok(());
         }
+        let (at, call, bytes) = (offset as usize, "clEnqueueWriteBuffer", data.len() as u64);
         self.wait_patiently()?;
         // SAFETY: the call blocks, so that the data outlive it, and the caller has checked that they fit.
         #[allow(unsafe_code)]
@@ -213,12 +207,28 @@ impl Cl {
         Ok(())
     }
 
+    /// Sends the write that waits, before any other command.
+    fn send(&mut self) -> Result<(), DeviceError> {
+        let Some(Waiting { mem, offset, data }) = self.staged.waiting() else { return Ok(()) };
+        let mut event = Event::null();
+        // SAFETY: the copy is kept until the write is done, and the caller of `write` has checked that it fits.
+        #[allow(unsafe_code)]
+        let sent = unsafe {
+            let (queue, at, events) = (&self.queue, offset as usize, None::<Event>);
+            core::enqueue_write_buffer(queue, &mem, false, at, &data, events, Some(&mut event))
+        };
+        self.done("clEnqueueWriteBuffer", data.len() as u64, sent)?;
+        self.staged.keep(event, data);
+        Ok(())
+    }
+
     /// Reads from a buffer from `offset` on, after all work so far.
     pub(crate) fn read(&mut self, mem: &Mem, offset: u64, out: &mut [u8]) -> Result<(), DeviceError> {
         self.check()?;
         if out.is_empty() {
             return self.finish();
         }
+        self.send()?;
         self.wait_patiently()?;
         let (at, bytes) = (offset as usize, out.len() as u64);
         // SAFETY: the call blocks, so that the memory outlives it, and the caller has checked that it fits.
@@ -230,10 +240,11 @@ impl Cl {
         Ok(())
     }
 
-    /// The first bytes of a buffer where the host sees them; none while kernels are under way, and where a call fails.
+    /// The first bytes of a buffer where the host sees them; none while kernels are under way or a write waits, and where a call
+    /// fails.
     pub(crate) fn view(&self, mem: &Mem, bytes: u64) -> Option<&[u8]> {
         let len = usize::try_from(bytes).ok().filter(|len| *len > 0)?;
-        if self.lost.is_some() || !self.under_way.is_empty() {
+        if self.lost.is_some() || !self.under_way.is_empty() || self.staged.waits() {
             return None;
         }
         let mut seen = self.seen.borrow_mut();
@@ -272,6 +283,7 @@ impl Cl {
     /// Copies `bytes` between two buffers.
     pub(crate) fn copy(&mut self, from: &Mem, at: u64, to: &Mem, bytes: u64) -> Result<(), DeviceError> {
         self.check()?;
+        self.send()?;
         self.unsee()?;
         let (at, len) = (at as usize, bytes as usize);
         let copied = core::enqueue_copy_buffer::<u8, _, _, _>(
@@ -350,6 +362,7 @@ impl Cl {
         team: Option<u32>,
     ) -> Result<Event, DeviceError> {
         self.check()?;
+        self.send()?;
         self.unsee()?;
         for (index, arg) in (0..).zip(std::iter::once(&Arg::Bytes(constants)).chain(args)) {
             let value = match arg {
@@ -434,6 +447,7 @@ impl Cl {
     /// Waits for all work.
     pub(crate) fn finish(&mut self) -> Result<(), DeviceError> {
         self.check()?;
+        self.send()?;
         self.wait_patiently()?;
         let waited = core::finish(&self.queue);
         self.done("clFinish", 0, waited)?;
