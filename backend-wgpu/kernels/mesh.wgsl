@@ -80,10 +80,10 @@ fn together(a: Line, b: Line, c: Line, d: Line, least: vec4<f32>, limits: vec4<f
             let lower = vec3<f32>(low.x, low.y, low.z);
             let upper = vec3<f32>(high.x, high.y, high.z);
             let met = vec4<bool>(
-                meet(a, lower, upper, far.x),
-                meet(b, lower, upper, far.y),
-                meet(c, lower, upper, far.z),
-                meet(d, lower, upper, far.w),
+                reaches(a, lower, upper, far.x),
+                reaches(b, lower, upper, far.y),
+                reaches(c, lower, upper, far.z),
+                reaches(d, lower, upper, far.w),
             );
             leaf = select(0u, high.number, any(met));
             node = select(low.number, node + 1u, any(met));
@@ -111,8 +111,8 @@ fn together(a: Line, b: Line, c: Line, d: Line, least: vec4<f32>, limits: vec4<f
     return Hits(far, found);
 }
 
-// Whether one of four rays meets a box within `limit` metres.
-fn meet(way: Line, lower: vec3<f32>, upper: vec3<f32>, limit: f32) -> bool {
+// Whether one of four rays reaches a box within `limit` metres.
+fn reaches(way: Line, lower: vec3<f32>, upper: vec3<f32>, limit: f32) -> bool {
     let first = (lower - way.origin) * way.inverse;
     let last = (upper - way.origin) * way.inverse;
     let near_x = smaller(first.x, last.x);

@@ -201,7 +201,7 @@ const WGPU: Backend = Backend {
         ("mesh", "visited", "a step to the next box, which rays that walk together take before they look at triangles"),
         ("mesh", "crosses", RAYS),
         ("mesh", "together", RAYS),
-        ("mesh", "meet", RAYS),
+        ("mesh", "reaches", RAYS),
         ("trace", "limit", RAYS),
         ("trace", "keep", RAYS),
         ("trace", "again", RAYS),
