@@ -239,13 +239,13 @@ pub(crate) fn decay_parts<S: Simd, const N: usize>(x: [F<S>; N]) -> [(F<S>, F<S>
 /// 1 - e^-x for |x| ≤ ln 2 / 2, of several packets.
 #[inline(always)]
 pub(crate) fn lost<S: Simd, const N: usize>(x: [F<S>; N]) -> [F<S>; N] {
-    let bend = bend(x);
-    each!(i in N, F::ZERO => x[i] - x[i] * x[i] * bend[i])
+    let bent = curvature(x);
+    each!(i in N, F::ZERO => x[i] - x[i] * x[i] * bent[i])
 }
 
 /// b of 1 - e^-x = x - x² b for |x| ≤ ln 2 / 2, of several packets.
 #[inline(always)]
-pub(crate) fn bend<S: Simd, const N: usize>(x: [F<S>; N]) -> [F<S>; N] {
+pub(crate) fn curvature<S: Simd, const N: usize>(x: [F<S>; N]) -> [F<S>; N] {
     // x - x²/2 + … - c x⁶ whose largest error relative to e^-x is the least, 4e-9. In pairs, which wait less for each other.
     let square = each!(i in N, F::ZERO => x[i] * x[i]);
     let first = each!(i in N, F::ZERO => F::splat(0.5) - x[i] * 0.166_665_35);

@@ -10,13 +10,13 @@ INLINE F2 decay(F tau);
 INLINE F2 segment(F tau) {
     F2 piece;
     if (WIDTH > 1 && !any_lane(!(tau < SHALLOW))) {
-        F bent = bend(tau);
+        F bent = curvature(tau);
         piece.x = 1.0f - (tau - tau * tau * bent);
         piece.y = 1.0f - tau * bent;
         return piece;
     }
     F2 parts = decay_parts(lesser(tau, (F)(87.0f)));
-    F bent = bend(parts.y);
+    F bent = curvature(parts.y);
     F part = parts.x * (parts.y - parts.y * parts.y * bent);
     piece.x = parts.x - part;
     piece.y = tau < SHALLOW ? 1.0f - parts.y * bent : (1.0f - parts.x + part) / tau;

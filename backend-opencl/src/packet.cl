@@ -316,7 +316,7 @@ typedef struct {
 } PAIR_float4;
 
 // b of 1 - e^-x = x - x^2 b for |x| <= ln 2 / 2.
-INLINE F bend(F x) {
+INLINE F curvature(F x) {
     // x - x^2/2 + ... - c x^6 whose largest error relative to e^-x is the least, 4e-9. In pairs, which wait less for each other.
     F square = x * x;
     F first = 0.5f - x * 0.16666535f;
@@ -326,7 +326,7 @@ INLINE F bend(F x) {
 
 // 1 - e^-x for |x| <= ln 2 / 2.
 INLINE F lost(F x) {
-    return x - x * x * bend(x);
+    return x - x * x * curvature(x);
 }
 
 // 2^n and the rest r of e^-x = 2^n e^-r, for x from 0 to 87.

@@ -1,6 +1,6 @@
 //! Light along a short piece of a ray.
 
-use crate::packet::{F, M, bend, decay_parts, each, lost};
+use crate::packet::{F, M, curvature, decay_parts, each, lost};
 use crate::simd::Simd;
 
 /// e^-τ, and the mean of e^-s over s from 0 to τ: (1 - e^-τ)/τ, which nears 1 where τ is small. Where no lane is deep there is no
@@ -9,13 +9,13 @@ use crate::simd::Simd;
 pub(crate) fn segment<S: Simd>(tau: F<S>) -> (F<S>, F<S>) {
     let shallow = tau.lt(F::splat(SHALLOW));
     if shallow.bits() == M::<S>::ALL.bits() {
-        let [bend] = bend([tau]);
-        return (F::ONE - (tau - tau * tau * bend), F::ONE - tau * bend);
+        let [bent] = curvature([tau]);
+        return (F::ONE - (tau - tau * tau * bent), F::ONE - tau * bent);
     }
     let [(power, rest)] = decay_parts([tau.min(F::splat(87.0))]);
-    let [bend] = bend([rest]);
-    let part = power * (rest - rest * rest * bend);
-    (power - part, shallow.select(F::ONE - rest * bend, (F::ONE - power + part) / tau))
+    let [bent] = curvature([rest]);
+    let part = power * (rest - rest * rest * bent);
+    (power - part, shallow.select(F::ONE - rest * bent, (F::ONE - power + part) / tau))
 }
 
 /// Optical depths below it need no power of two: they round to none of ln 2.
