@@ -156,9 +156,9 @@ fn a_compiler_is_told_the_file_of_every_line() {
         if let Some(name) = line.strip_prefix("#line 1 ") {
             (file, number) = (name, 0);
         }
-        if line.contains("F2 piece = decay(tau);") {
+        if line.contains("INLINE F2 segment(F tau) {") {
             let segment = helper(Helper::Segment).text;
-            let there = segment.lines().position(|line| line.contains("F2 piece = decay(tau);")).unwrap() + 1;
+            let there = segment.lines().position(|line| line.contains("INLINE F2 segment(F tau) {")).unwrap() + 1;
             assert_eq!((file, number), ("\"kernels/segment.cl\"", there));
             return;
         }
