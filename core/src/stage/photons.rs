@@ -258,7 +258,8 @@ impl Photons {
     fn turns(&self) -> u64 {
         let p = &self.params;
         let each = 1 + u64::from(p.weights) * (1 + u64::from(p.coefficients().div_ceil(Self::STRIDE)));
-        let harmonics = u64::from(p.bands * (p.bands + 3) / 2);
+        // Kernels may run the inner loop of harmonics over all bands, so that drivers unroll it.
+        let harmonics = u64::from(p.bands * (p.bands + 1));
         let cells = if p.deposit == photon_deposit::TRACK {
             // A flight crosses the walls of each axis once.
             p.cells[..3].iter().map(|&n| u64::from(n)).sum::<u64>() + 3
