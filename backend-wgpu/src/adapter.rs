@@ -52,8 +52,8 @@ pub(crate) fn open(index: usize) -> Result<WgpuDevice, Unavailable> {
     }
     let mut wanted = Features::TIMESTAMP_QUERY | Features::FLOAT32_FILTERABLE;
     if fetches(&adapter.get_info()) {
-        // Kernels write two words at once.
-        wanted |= Features::SHADER_INT64;
+        // Kernels write two words at once, and read what they wrote as texels of four.
+        wanted |= Features::SHADER_INT64 | Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES;
     }
     let request = wgpu::DeviceDescriptor {
         label: Some("airlight"),

@@ -49,6 +49,8 @@ pub struct WgpuDevice {
     pub(crate) texels: bool,
     /// Whether kernels write two words at once.
     pairs: bool,
+    /// Whether they read storage textures of four words that they write.
+    pub(crate) rewrites: bool,
     clock: Clock,
 }
 
@@ -62,6 +64,8 @@ impl WgpuDevice {
         let adapter = gpu.device.adapter_info();
         let texels = adapter::fetches(&adapter);
         let pairs = texels && gpu.device.features().contains(wgpu::Features::SHADER_INT64);
+        let formats = wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES;
+        let rewrites = texels && gpu.device.features().contains(formats);
         Ok(Self {
             store: Store::new(&gpu, &info.limits)?,
             info,
@@ -76,6 +80,7 @@ impl WgpuDevice {
             steady: Steady::default(),
             texels,
             pairs,
+            rewrites,
             clock: Clock::new(tick),
         })
     }
@@ -112,7 +117,7 @@ impl WgpuDevice {
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
             variant.fetched =
-                self.store.fetched(&shapes, bindings, (variant.filtered, part.holds, part.fours()), &self.limits);
+                self.store.fetched(&shapes, bindings, (variant.filtered, part.fours()), &self.limits);
         }
         if self.pairs {
             for index in (0..bindings.len()).filter(|&index| part.pairs().contains(&bindings[index].name)) {
@@ -162,7 +167,7 @@ impl WgpuDevice {
         }
         let launches = prepared.iter().map(|(part, cut, pipeline, fetched)| {
             let copies = self.store.stale(&part.bindings, *fetched);
-            self.store.wrote(&part.bindings, *fetched);
+            self.store.wrote(&part.bindings);
             let shots = cut.pieces(part.range.clone()).map(|piece| {
                 let bound = self.store.bound(&part.bindings, *fetched, |binding| piece.window(binding))?;
                 let Range { start: first, end: past } = part.steps.clone().unwrap_or(piece.groups);
@@ -223,13 +228,11 @@ impl Device for WgpuDevice {
         resource.spec().check_write(offset, data)?;
         match resource {
             Resource::Buffer(memory) => {
-                if let Some(copy) = memory.settled() {
-                    copy.encode(self.gpu.copies()?);
-                }
-                memory.changed(None);
+                memory.changed();
                 self.gpu.write_buffer(&memory.buffer, offset, data)
             }
             Resource::Field(volume) => volume.write(&mut self.gpu, offset, data),
+            Resource::Texels(_) => Err(DeviceError::Invalid(format!("resource {} is the device's own", id.0))),
         }
     }
 
@@ -238,9 +241,6 @@ impl Device for WgpuDevice {
         self.store.get(id)?.spec().check_read(offset, out.len())?;
         self.gpu.count(|made| &mut made.reads);
         let memory = self.store.buffer(id)?;
-        if let Some(copy) = memory.settled() {
-            copy.encode(self.gpu.copies()?);
-        }
         self.gpu.read(&memory.buffer, offset, out)
     }
 

@@ -84,6 +84,7 @@ impl Groups {
                 let views = volume.textures.iter().map(|(_, view)| view).chain(index);
                 views.for_each(|view| self.forget_texture(view));
             }
+            Resource::Texels(texels) => self.forget_texture(&texels.view),
         }
     }
 

@@ -28,6 +28,7 @@ mod pipeline;
 mod source;
 mod staging;
 mod store;
+mod sweep;
 mod texels;
 mod vulkan;
 

@@ -9,13 +9,15 @@ use crate::atlas::{Atlas, extent};
 use crate::gpu::Gpu;
 use crate::source::MAX_SLABS;
 use crate::staging::Block;
-use crate::texels::{Copy, Texels};
+use crate::texels::Texels;
 
 /// A resource.
 #[derive(Debug)]
 pub(crate) enum Resource {
     Buffer(Memory),
     Field(Volume),
+    /// A texture of our own.
+    Texels(Texels),
 }
 
 /// A buffer and what was asked for, which it may exceed by less than four words.
@@ -28,19 +30,9 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Books that it was written, itself or by a kernel that keeps it in texels of so many words.
-    pub(crate) fn changed(&self, held: Option<u32>) {
-        for texels in &self.texels {
-            let written = held.is_some_and(|words| texels.of(words));
-            texels.fresh.set(written);
-            texels.ahead.set(written);
-        }
-    }
-
-    /// The copy that must be made before the buffer itself is used, of what kernels wrote in its place. It counts as made.
-    pub(crate) fn settled(&self) -> Option<Copy<'_>> {
-        let texels = self.texels.iter().find(|texels| texels.ahead.replace(false))?;
-        Some(Copy { buffer: &self.buffer, bytes: self.bytes, texels, back: true })
+    /// Books that it was written.
+    pub(crate) fn changed(&self) {
+        self.texels.iter().for_each(|texels| texels.fresh.set(false));
     }
 }
 
@@ -106,6 +98,7 @@ impl Resource {
         match self {
             Self::Buffer(memory) => ResourceSpec::Buffer { bytes: memory.bytes, usage: Usage::Work },
             Self::Field(volume) => ResourceSpec::Field(volume.spec),
+            Self::Texels(texels) => ResourceSpec::Buffer { bytes: texels.bytes, usage: Usage::Work },
         }
     }
 }

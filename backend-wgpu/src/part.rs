@@ -3,17 +3,11 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError, ResourceId, ResourceSpec, Usage};
-use airlight_core::stage::{Kernel as _, Stage, Sweep, SweepParams};
+use airlight_core::device::Binding;
+use airlight_core::stage::Stage;
 
-use crate::WgpuDevice;
-use crate::memory::Resource;
-use crate::source::sweep::{ABREAST, Kernel as Kind};
+use crate::source::sweep::Kernel as Kind;
 use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant};
-use crate::texels;
-
-/// Memory of our own, for what kernels of a stage hand to each other. Executors count ids from 0.
-const SCRATCH: ResourceId = ResourceId(u32::MAX);
 
 /// What decides a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -125,8 +119,6 @@ pub(crate) struct Part {
     /// first direction of a batch.
     pub(crate) steps: Option<Range<u32>>,
     pub(crate) gathers: bool,
-    /// What it writes as a storage texture, on drivers that read those.
-    pub(crate) holds: Option<&'static str>,
     kernel: Kernel,
 }
 
@@ -150,18 +142,12 @@ impl Part {
             sequential: stage.sequential(),
             steps: None,
             gathers: false,
-            holds: None,
             kernel: Kernel::Stage(source),
         }
     }
 
     /// A kernel that `sweep` is put together from, of so many `items` in each of its steps `range`.
-    fn of_sweep(
-        kernel: Kind,
-        bindings: Vec<Binding>,
-        holds: Option<&'static str>,
-        (range, items): (Range<u32>, u32),
-    ) -> Self {
+    pub(crate) fn of_sweep(kernel: Kind, bindings: Vec<Binding>, range: Range<u32>, items: u32) -> Self {
         Self {
             name: kernel.name(),
             bindings,
@@ -171,7 +157,6 @@ impl Part {
             sequential: Some(items),
             steps: None,
             gathers: false,
-            holds,
             kernel: Kernel::Sweep(kernel),
         }
     }
@@ -182,7 +167,7 @@ impl Part {
         match &self.kernel {
             Kernel::Stage(source) => source.taken(units, known) * self.aligned(fetched),
             Kernel::Sweep(Kind::Rows) => 1,
-            Kernel::Sweep(Kind::Toward | Kind::Moments) => units,
+            Kernel::Sweep(_) => units,
         }
     }
 
@@ -197,8 +182,8 @@ impl Part {
     pub(crate) fn fours(&self) -> &'static [&'static str] {
         match &self.kernel {
             Kernel::Stage(source) => source.fours,
-            Kernel::Sweep(Kind::Toward) => &["sources"],
-            Kernel::Sweep(Kind::Rows | Kind::Moments) => &[],
+            Kernel::Sweep(Kind::Scatter) => &["sources"],
+            Kernel::Sweep(_) => &[],
         }
     }
 
@@ -224,138 +209,6 @@ impl Part {
             Kernel::Stage(source) => source.text(shapes, variant),
             Kernel::Sweep(kernel) => kernel.text(shapes, variant),
         }
-    }
-}
-
-/// Textures that a sweep's planes read: all of its bindings.
-const SWEEP_TEXTURES: u32 = 5;
-
-/// What cells scatter toward a batch of directions, in memory of our own.
-fn toward(p: &SweepParams) -> Buf<f32> {
-    Buf::new(SCRATCH, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()))
-}
-
-impl WgpuDevice {
-    /// The parts of a range of `sweep`: for each batch its sources, its planes, and its moments.
-    pub(crate) fn sweep_parts(
-        &mut self,
-        stage: &Stage,
-        sweep: &Sweep,
-        range: Range<u32>,
-    ) -> Result<Vec<Part>, DeviceError> {
-        let p = &sweep.params;
-        let toward = toward(p);
-        let sources = sweep.sources.zip(sweep.source_weights);
-        if sources.is_some() {
-            self.reserve_scratch(toward.bytes())?;
-        }
-        let held = self.texels && self.holds(sweep, toward.bytes());
-        let (steps, planes) = (p.batch_steps(), p.cells[3]);
-        let fours = p.count().div_ceil(4);
-        let most = self.planes_at_once(p);
-        let optics = Binding::read("optics", Some(sweep.optics));
-        let mut parts = Vec::new();
-        let mut next = range.start;
-        while next < range.end {
-            let batch = next / steps;
-            let gather = batch * steps + planes;
-            let (begin, end) = (next, range.end.min(gather));
-            let first = batch * p.batch;
-            let taken = p.batch.min(p.directions - first);
-            if begin < end {
-                if let Some((sources, weights)) = sources {
-                    let items = taken.div_ceil(4) * fours;
-                    let bindings = vec![
-                        optics,
-                        Binding::read("sources", Some(sources)),
-                        Binding::read("source_weights", Some(weights)),
-                        Binding::write("toward", Some(toward)),
-                    ];
-                    let part = Part::of_sweep(Kind::Toward, bindings, None, (0..1, items));
-                    parts.push(Part { steps: Some(first..first + taken), ..part });
-                }
-                if held {
-                    let bindings = vec![
-                        optics,
-                        Binding::read("directions", Some(sweep.directions)),
-                        Binding::read("toward", sources.map(|_| toward)),
-                        Binding::read("obstructed", sweep.obstructed),
-                        Binding::write("radiance", Some(sweep.radiance)),
-                    ];
-                    for step in (begin..end).step_by(most as usize) {
-                        let part = Part::of_sweep(Kind::Rows, bindings.clone(), Some("radiance"), (0..taken, 0));
-                        let steps = Some(step..end.min(step + most));
-                        parts.push(Part { steps, sequential: None, ..part });
-                    }
-                } else {
-                    let mut part = Part { range: begin..end, ..Part::of(stage, range.clone()) };
-                    let places = part.bindings.iter_mut().filter(|binding| binding.name == "sources");
-                    places.for_each(|binding| *binding = Binding::read("sources", sources.map(|_| toward)));
-                    part.sequential = Some(p.batch * p.plane);
-                    parts.push(part);
-                }
-            }
-            if gather < range.end {
-                let (step, of_four) = (gather..gather + 1, p.coefficients.div_ceil(4));
-                if held {
-                    let bindings = vec![
-                        Binding::read("weights", Some(sweep.weights)),
-                        Binding::read("radiance", Some(sweep.radiance)),
-                        Binding::write("moments", Some(sweep.moments)),
-                    ];
-                    parts.push(Part::of_sweep(
-                        Kind::Moments,
-                        bindings,
-                        None,
-                        (step, p.count().div_ceil(8).next_multiple_of(self.units) * of_four),
-                    ));
-                } else {
-                    let sequential = Some(p.count() * of_four);
-                    parts.push(Part { gathers: true, sequential, ..Part::of(stage, step) });
-                }
-            }
-            next = gather + 1;
-        }
-        Ok(parts)
-    }
-
-    /// Planes of a direction that a workgroup may take one after the other, by how often its loops turn: once more than they
-    /// have to, which is when they end.
-    fn planes_at_once(&self, p: &SweepParams) -> u32 {
-        let items = u64::from(p.plane / 8 + p.cells[3] + 1).div_ceil(ABREAST.into());
-        let turns = 1 + (items + 1) * (2 + u64::from(p.channels));
-        let most = self.info.limits.loop_turns.map_or(u64::MAX, |turns| turns.saturating_sub(1).into()) / turns;
-        most.try_into().unwrap_or(u32::MAX)
-    }
-
-    /// Bytes of the memory of our own that a sweep takes, and of the textures that its radiance and that lie in.
-    pub(crate) fn sweep_scratch(&self, sweep: &Sweep) -> u64 {
-        let toward = toward(&sweep.params).bytes();
-        let own = if sweep.sources.is_some() { toward } else { 0 };
-        own + if self.texels && self.holds(sweep, toward) { own + sweep.radiance.bytes() } else { 0 }
-    }
-
-    /// Whether a sweep's radiance, and what its cells scatter toward a batch of directions, fit textures, of which there are enough,
-    /// all else a binding, and a plane the turns of loops.
-    fn holds(&self, sweep: &Sweep, toward: u64) -> bool {
-        let bytes = |binding: Binding| match binding.access {
-            BindingAccess::Read(bytes) | BindingAccess::Write(bytes) => bytes,
-            BindingAccess::Sample(_) => 0,
-        };
-        let most = sweep.bindings().into_iter().map(bytes).fold(toward, u64::max);
-        let whole = most <= self.info.limits.binding_bytes && self.planes_at_once(&sweep.params) > 0;
-        let textures = self.limits.max_storage_textures_per_shader_stage >= SWEEP_TEXTURES;
-        whole && textures && [sweep.radiance.bytes(), toward].iter().all(|&bytes| texels::fits(bytes, 1, &self.limits))
-    }
-
-    /// Makes the memory of our own hold so many bytes at least.
-    fn reserve_scratch(&mut self, bytes: u64) -> Result<(), DeviceError> {
-        if self.store.buffer(SCRATCH).is_ok_and(|memory| memory.bytes >= bytes) {
-            return Ok(());
-        }
-        self.remove(SCRATCH);
-        let spec = ResourceSpec::Buffer { bytes, usage: Usage::Work };
-        self.store.add(SCRATCH, || Resource::new(&self.gpu, &spec, &self.info.limits))
     }
 }
 

@@ -90,7 +90,9 @@ impl Store {
     pub(crate) fn buffer(&self, id: ResourceId) -> Result<&Memory, DeviceError> {
         match self.get(id)? {
             Resource::Buffer(memory) => Ok(memory),
-            Resource::Field(_) => Err(DeviceError::Invalid(format!("resource {} is a field, not a buffer", id.0))),
+            Resource::Field(_) | Resource::Texels(_) => {
+                Err(DeviceError::Invalid(format!("resource {} is of texels, not a buffer", id.0)))
+            }
         }
     }
 
@@ -98,7 +100,9 @@ impl Store {
     pub(crate) fn field(&self, id: ResourceId) -> Result<&Volume, DeviceError> {
         match self.get(id)? {
             Resource::Field(volume) => Ok(volume),
-            Resource::Buffer(_) => Err(DeviceError::Invalid(format!("resource {} is a buffer, not a field", id.0))),
+            Resource::Buffer(_) | Resource::Texels(_) => {
+                Err(DeviceError::Invalid(format!("resource {} is a buffer, not a field", id.0)))
+            }
         }
     }
 
@@ -127,12 +131,12 @@ impl Store {
     }
 
     /// What a stage reads as storage textures, as many as there may be: fields, unless they are `filtered`, then buffers that are
-    /// there and fit a texture, four words at a time those of `fours`; and the buffer that it writes as one, if it `holds` one.
+    /// there and fit a texture, four words at a time those of `fours`; and textures of our own.
     pub(crate) fn fetched(
         &self,
         shapes: &[Shape],
         bindings: &[Binding],
-        (filtered, holds, fours): (bool, Option<&str>, &[&str]),
+        (filtered, fours): (bool, &[&str]),
         limits: &wgpu::Limits,
     ) -> Fetched {
         let mut left = limits.max_storage_textures_per_shader_stage;
@@ -152,9 +156,10 @@ impl Store {
             }
         }
         for (index, binding) in bindings.iter().enumerate() {
+            let ours = |id| matches!(self.resources.get(&id), Some(Resource::Texels(_)));
             let bytes = match (binding.access, binding.id) {
                 (BindingAccess::Read(bytes), Some(_)) => bytes,
-                (BindingAccess::Write(bytes), Some(_)) if holds == Some(binding.name) => bytes,
+                (BindingAccess::Write(bytes), Some(id)) if ours(id) => bytes,
                 _ => continue,
             };
             let fours = fours.contains(&binding.name);
@@ -180,32 +185,27 @@ impl Store {
         Ok(())
     }
 
-    /// The copies that must be made before a stage uses them or their buffers. They count as made.
+    /// The copies that must be made before a stage uses them. They count as made.
     pub(crate) fn stale(&self, bindings: &[Binding], fetched: Fetched) -> Vec<Copy<'_>> {
         let mut copies = Vec::new();
         for (index, binding) in bindings.iter().enumerate() {
             let Some(Resource::Buffer(memory)) = binding.id.and_then(|id| self.resources.get(&id)) else { continue };
-            let words = fetched.words(index, binding.element);
-            let ready = |texels: &&Texels| texels.of(words) && texels.fresh.get();
-            if fetched.has(index) && memory.texels.iter().any(|texels| ready(&texels)) {
-                continue;
-            }
-            copies.extend(memory.settled());
             if fetched.has(index) {
+                let words = fetched.words(index, binding.element);
                 let stale = memory.texels.iter().filter(|texels| texels.of(words) && !texels.fresh.replace(true));
-                let (buffer, bytes, back) = (&memory.buffer, memory.bytes, false);
-                copies.extend(stale.map(|texels| Copy { buffer, bytes, texels, back }));
+                let (buffer, bytes) = (&memory.buffer, memory.bytes);
+                copies.extend(stale.map(|texels| Copy { buffer, bytes, texels }));
             }
         }
         copies
     }
 
     /// Books that a stage writes what it binds to be written.
-    pub(crate) fn wrote(&self, bindings: &[Binding], fetched: Fetched) {
-        for (index, binding) in bindings.iter().enumerate() {
+    pub(crate) fn wrote(&self, bindings: &[Binding]) {
+        for binding in bindings {
             let memory = binding.id.and_then(|id| self.buffer(id).ok());
             if let (BindingAccess::Write(_), Some(memory)) = (binding.access, memory) {
-                memory.changed(fetched.has(index).then(|| fetched.words(index, binding.element)));
+                memory.changed();
             }
         }
     }
@@ -214,7 +214,7 @@ impl Store {
     pub(crate) fn forget_copies(&self) {
         self.resources.values().for_each(|resource| {
             if let Resource::Buffer(memory) = resource {
-                memory.changed(None);
+                memory.changed();
             }
         });
     }
@@ -243,7 +243,11 @@ impl Store {
                 }
                 (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) if fetched.has(index) => {
                     let words = fetched.words(index, binding.element);
-                    let copies = self.buffer(id)?.texels.iter().filter(|texels| texels.of(words));
+                    let copies = match self.get(id)? {
+                        Resource::Texels(texels) => std::slice::from_ref(texels),
+                        _ => &self.buffer(id)?.texels,
+                    };
+                    let copies = copies.iter().filter(|texels| texels.of(words));
                     bound.textures.extend(copies.map(|texels| (slab_binding(index, 0), &texels.view)));
                 }
                 (BindingAccess::Read(_) | BindingAccess::Write(_), Some(id)) => {

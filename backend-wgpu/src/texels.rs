@@ -1,6 +1,5 @@
 //! Copies of buffers as storage textures, for drivers that load texels faster than memory (`adapter::fetches`). A copy is
-//! made anew when a stage reads it after its buffer was written. Where kernels write a copy, the buffer is made anew before
-//! anybody else sees it.
+//! made anew when a stage reads it after its buffer was written. Textures of our own, which kernels write, are of the same kind.
 
 use std::cell::Cell;
 
@@ -19,10 +18,9 @@ pub(crate) struct Texels {
     texture: Texture,
     pub(crate) view: TextureView,
     words: u32,
+    pub(crate) bytes: u64,
     /// Whether it holds what the buffer holds, once what was sent is done.
     pub(crate) fresh: Cell<bool>,
-    /// Whether it holds what the buffer does not hold yet.
-    pub(crate) ahead: Cell<bool>,
 }
 
 /// The format of texels of so many words, one or four.
@@ -57,12 +55,12 @@ impl Texels {
             sample_count: 1,
             dimension: TextureDimension::D2,
             format: format(words),
-            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC,
+            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST,
             view_formats: &[],
         };
         let texture = gpu.texture(width * height * 4 * u64::from(words), &description)?;
         let view = gpu.guarded(0, || texture.create_view(&Default::default()))?;
-        Ok(Self { texture, view, words, fresh: Cell::new(false), ahead: Cell::new(false) })
+        Ok(Self { texture, view, words, bytes, fresh: Cell::new(false) })
     }
 
     /// Whether its texels are of so many words.
@@ -71,19 +69,17 @@ impl Texels {
     }
 }
 
-/// A copy to be made of a buffer of so many bytes, or of what kernels wrote in its place.
+/// A copy to be made of a buffer of so many bytes.
 #[derive(Debug)]
 pub(crate) struct Copy<'s> {
     pub(crate) buffer: &'s Buffer,
     pub(crate) bytes: u64,
     pub(crate) texels: &'s Texels,
-    /// Whether the buffer is what is made anew.
-    pub(crate) back: bool,
 }
 
 impl Copy<'_> {
     pub(crate) fn encode(&self, encoder: &mut CommandEncoder) {
-        let Self { buffer, bytes, texels: Texels { texture, words, .. }, back } = self;
+        let Self { buffer, bytes, texels: Texels { texture, words, .. } } = self;
         let texel = 4 * u64::from(*words);
         let count = bytes.div_ceil(texel).max(1);
         let across = u64::from(texture.width());
@@ -102,10 +98,7 @@ impl Copy<'_> {
             };
             let size = Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 };
             let memory = TexelCopyBufferInfo { buffer, layout };
-            match back {
-                true => encoder.copy_texture_to_buffer(texels, memory, size),
-                false => encoder.copy_buffer_to_texture(memory, texels, size),
-            }
+            encoder.copy_buffer_to_texture(memory, texels, size);
         }
     }
 }

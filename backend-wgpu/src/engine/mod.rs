@@ -255,7 +255,7 @@ impl WgpuDevice {
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
         let copies = self.store.stale(&bindings, Fetched::default());
-        self.store.wrote(&bindings, Fetched::default());
+        self.store.wrote(&bindings);
         let units = text::UNITS;
         let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
         let what = "an engine's frame";

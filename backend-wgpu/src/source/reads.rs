@@ -54,18 +54,17 @@ pub(crate) fn memory(shape: &Shape, index: usize) -> String {
         )
 }
 
-/// Kept in a texture, which takes the place of memory: the texture, and the functions that read and write an element of one word.
+/// Texels of four floats that a kernel writes, and may read.
 pub(crate) fn held(shape: &Shape, index: usize) -> String {
-    let (name, element, binding) = (shape.name, shape.element.name(WGSL), slab_binding(index, 0));
-    let at = place("i");
+    let (name, binding, at) = (shape.name, slab_binding(index, 0), place("i"));
     format!(
-        "@group(2) @binding({binding}) var {name}: texture_storage_2d<r32uint, read_write>;\nfn read_{name}(i: u32) -> \
-         {element} {{\n    return bitcast<{element}>(textureLoad({name}, {at}).x);\n}}\nfn write_{name}(i: u32, value: \
-         {element}) {{\n    textureStore({name}, {at}, vec4<u32>(bitcast<u32>(value)));\n}}\n"
+        "@group(2) @binding({binding}) var {name}: texture_storage_2d<rgba32uint, read_write>;\nfn read_{name}(i: u32) -> \
+         vec4<f32> {{\n    return bitcast<vec4<f32>>(textureLoad({name}, {at}));\n}}\nfn write_{name}(i: u32, value: \
+         vec4<f32>) {{\n    textureStore({name}, {at}, bitcast<vec4<u32>>(value));\n}}\n"
     )
 }
 
-/// The function that writes an element of a buffer where that may be [`held`].
+/// The function that writes an element of a buffer.
 pub(crate) fn written(shape: &Shape) -> String {
     let (name, element) = (shape.name, shape.element.name(WGSL));
     format!("fn write_{name}(i: u32, value: {element}) {{\n    {name}[i] = value;\n}}\n")

@@ -11,11 +11,15 @@ pub(crate) const ABREAST: u32 = 8;
 /// One of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kernel {
-    /// What cells scatter toward each direction of a batch.
+    /// What cells scatter toward each direction of a batch, in memory.
     Toward,
+    /// What they do to light, by texels of four.
+    Turn,
+    /// What they scatter toward each direction of a batch, by texels of four.
+    Scatter,
     /// Planes, by rows of four cells.
     Rows,
-    /// Moments of a batch, four coefficients of four cells at a time.
+    /// Moments of a batch, four coefficients of four by four cells at a time.
     Moments,
 }
 
@@ -24,6 +28,8 @@ impl Kernel {
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Toward => "sweep_toward",
+            Self::Turn => "sweep_turn",
+            Self::Scatter => "sweep_scatter",
             Self::Rows => "sweep_rows",
             Self::Moments => "sweep_moments",
         }
@@ -32,6 +38,8 @@ impl Kernel {
     fn file(self) -> KernelFile {
         match self {
             Self::Toward => KernelFile { name: "src/sweep/toward.wgsl", text: include_str!("../sweep/toward.wgsl") },
+            Self::Turn => KernelFile { name: "src/sweep/turn.wgsl", text: include_str!("../sweep/turn.wgsl") },
+            Self::Scatter => KernelFile { name: "src/sweep/scatter.wgsl", text: include_str!("../sweep/scatter.wgsl") },
             Self::Rows => KernelFile { name: "src/sweep/rows.wgsl", text: include_str!("../sweep/rows.wgsl") },
             Self::Moments => KernelFile { name: "src/sweep/moments.wgsl", text: include_str!("../sweep/moments.wgsl") },
         }
@@ -61,9 +69,15 @@ impl Kernel {
         }
         let mut text = Text::default();
         text.push("generated", &prelude);
-        for file in [helper(Helper::Segment), self.file()] {
-            text.push(file.name, file.text);
+        if self == Self::Rows {
+            let segment = helper(Helper::Segment);
+            text.push(segment.name, segment.text);
         }
+        if self != Self::Toward {
+            text.push("src/sweep/fours.wgsl", include_str!("../sweep/fours.wgsl"));
+        }
+        let file = self.file();
+        text.push(file.name, file.text);
         specialised(text, &structs, SweepParams::NAME, variant.known)
     }
 }

@@ -112,21 +112,27 @@ fn sweeps_are_put_together_from_kernels_that_read_memory_and_textures() {
     let buffer = |id| Some(Buf::<f32>::new(ResourceId(id), 8));
     let directions = Some(Buf::<SweepDirection>::new(ResourceId(9), 8));
     let read = |name, id| Binding::read(name, buffer(id));
-    let [optics, weights] = [read("optics", 0), read("weights", 1)];
-    let write = |name, id| Binding::write(name, buffer(id));
-    let toward = vec![optics, read("sources", 2), read("source_weights", 3), write("toward", 4)];
+    let fours = |id| Some(Buf::<[f32; 4]>::new(ResourceId(id), 8));
     let directions = Binding::read("directions", directions);
+    let [sources, source_weights, weights] = [read("sources", 2), read("source_weights", 3), read("weights", 1)];
     let surfaces = Binding::read("obstructed", Some(Buf::<u32>::new(ResourceId(6), 8)));
-    let rows = vec![optics, directions, read("toward", 4), surfaces, write("radiance", 5)];
-    let moments = vec![weights, read("radiance", 5), write("moments", 7)];
-    for (kernel, bindings) in [(Kernel::Toward, toward), (Kernel::Rows, rows), (Kernel::Moments, moments)] {
+    let (read_fours, write_fours) = (|name, id| Binding::read(name, fours(id)), |name, id| Binding::write(name, fours(id)));
+    let [optics, turned, toward] = [read("optics", 0), read_fours("optics", 8), read_fours("toward", 4)];
+    for (kernel, bindings) in [
+        (Kernel::Toward, vec![optics, sources, source_weights, Binding::write("toward", buffer(4))]),
+        (Kernel::Turn, vec![optics, write_fours("turned", 8)]),
+        (Kernel::Scatter, vec![turned, directions, sources, source_weights, write_fours("toward", 4)]),
+        (Kernel::Rows, vec![turned, directions, toward, surfaces, write_fours("radiance", 5)]),
+        (Kernel::Moments, vec![directions, weights, read_fours("radiance", 5), Binding::write("moments", buffer(7))]),
+    ] {
         let shapes: Vec<_> = bindings.iter().map(|binding| Shape::new(binding, 1)).collect();
         let reads = (0..shapes.len() - 1).fold(Fetched::default(), Fetched::with);
         let all = reads.with(shapes.len() - 1);
         let choices = match kernel {
             // Of drivers that have no use for textures too.
-            Kernel::Toward => vec![Fetched::default(), reads, reads.with_fours(1), all],
-            Kernel::Rows => vec![all],
+            Kernel::Toward => vec![Fetched::default(), reads],
+            Kernel::Scatter => vec![all, all.with_fours(2)],
+            Kernel::Turn | Kernel::Rows => vec![all],
             Kernel::Moments => vec![reads],
         };
         for fetched in choices {

@@ -1,96 +1,112 @@
-// The moments of a batch of `sweep`. One invocation four coefficients of eight cells, which share what they load.
+// The moments of a batch of `sweep`. One invocation five coefficients of four by four cells, which share what they load: of three
+// bands, which are nine, two invocations.
 
 @compute @workgroup_size(UNITS)
 fn sweep_moments(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     // Workgroups of the same cells follow each other, while the radiance is in caches.
     let group = number(id);
-    let groups = (params.coefficients + 3u) / 4u;
+    let groups = (params.coefficients + 4u) / 5u;
     let at = vec2<u32>(group % groups, group / groups * UNITS + lane);
-    let count = params.cells.x * params.cells.y * params.cells.z;
-    if 8u * at.y >= count {
+    if at.y >= tiles() {
         return;
     }
+    let cells = tile(at.y);
     let first = launch.start / (params.cells.w + 1u) * params.batch;
     let taken = min(params.batch, params.directions - first);
-    // The last four may be fewer: then the last of them is summed again.
-    let k = min(4u * at.x + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(params.coefficients - 1u));
-    let cell = min(8u * at.y + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(count - 1u));
-    let beside = min(8u * at.y + vec4<u32>(4u, 5u, 6u, 7u), vec4<u32>(count - 1u));
+    // The last five may be fewer: then the last of them is summed again.
+    let last = params.coefficients - 1u;
+    let k = min(5u * at.x + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(last));
+    let fifth = min(5u * at.x + 4u, last);
     let channels = max(params.channels, params.weight_channels);
     for (var c = 0u; c < channels; c++) {
-        var a = before(first, k.x, c, cell, beside);
-        var b = before(first, k.y, c, cell, beside);
-        var d = before(first, k.z, c, cell, beside);
-        var e = before(first, k.w, c, cell, beside);
-        let weight = (first * params.coefficients + k) * params.weight_channels + min(c, params.weight_channels - 1u);
-        let plane = min(c, params.channels - 1u) * count;
-        let to_next = params.coefficients * params.weight_channels;
-        // Two directions a turn, whose lookups do not wait for each other.
-        for (var n = 0u; n < taken; n += 2u) {
-            let last = min(n + 1u, taken - 1u);
-            let here = plane + n * params.channels * count;
-            let there = plane + last * params.channels * count;
-            // What each direction begins with is asked for before the rest, for that is what is far away.
-            let begin = vec2<f32>(read_radiance(here + cell.x), read_radiance(there + cell.x));
-            let near = eight_radiance(begin.x, here + cell, here + beside);
-            let of_last = eight_radiance(begin.y, there + cell, there + beside);
-            let two = n + 1u < taken;
-            let far = mat2x4<f32>(select(vec4<f32>(0.0), of_last[0], two), select(vec4<f32>(0.0), of_last[1], two));
-            let at = weight + n * to_next;
-            let next = weight + last * to_next;
-            a = a + read_weights(at.x) * near + read_weights(next.x) * far;
-            b = b + read_weights(at.y) * near + read_weights(next.y) * far;
-            d = d + read_weights(at.z) * near + read_weights(next.z) * far;
-            e = e + read_weights(at.w) * near + read_weights(next.w) * far;
+        var a = before(first, k.x, c, cells);
+        var b = before(first, k.y, c, cells);
+        var d = before(first, k.z, c, cells);
+        var e = before(first, k.w, c, cells);
+        var f = before(first, fifth, c, cells);
+        let place = (first * params.coefficients + k) * params.weight_channels + min(c, params.weight_channels - 1u);
+        let of_fifth = place.x + (fifth - k.x) * params.weight_channels;
+        let channel = min(c, params.channels - 1u);
+        for (var n = 0u; n < taken; n++) {
+            let light = radiance_of(n, first + n, channel, cells);
+            let on = n * params.coefficients * params.weight_channels;
+            let at = place + on;
+            a += read_weights(at.x) * light;
+            // Where there is one coefficient, drivers that know it leave the others out.
+            if params.coefficients > 1u {
+                b += read_weights(at.y) * light;
+                d += read_weights(at.z) * light;
+                e += read_weights(at.w) * light;
+                f += read_weights(of_fifth + on) * light;
+            }
         }
-        keep(k.x, c, cell, beside, a);
-        if 4u * at.x + 1u < params.coefficients {
-            keep(k.y, c, cell, beside, b);
+        keep(k.x, c, cells, a);
+        if 5u * at.x + 1u < params.coefficients {
+            keep(k.y, c, cells, b);
         }
-        if 4u * at.x + 2u < params.coefficients {
-            keep(k.z, c, cell, beside, d);
+        if 5u * at.x + 2u < params.coefficients {
+            keep(k.z, c, cells, d);
         }
-        if 4u * at.x + 3u < params.coefficients {
-            keep(k.w, c, cell, beside, e);
+        if 5u * at.x + 3u < params.coefficients {
+            keep(k.w, c, cells, e);
+        }
+        if 5u * at.x + 4u < params.coefficients {
+            keep(fifth, c, cells, f);
         }
     }
 }
 
-// Of eight cells, of which the first is known.
-fn eight_radiance(first: f32, i: vec4<u32>, beside: vec4<u32>) -> mat2x4<f32> {
-    return mat2x4<f32>(
-        vec4<f32>(first, read_radiance(i.y), read_radiance(i.z), read_radiance(i.w)),
-        vec4<f32>(read_radiance(beside.x), read_radiance(beside.y), read_radiance(beside.z), read_radiance(beside.w)),
+// The radiance of a tile's cells along direction `n` of the batch, in rows along x.
+fn radiance_of(n: u32, direction: u32, channel: u32, cells: Tile) -> mat4x4<f32> {
+    let turned = read_directions(direction).axis == 0u;
+    let lies = laid(cells, turned);
+    let base = (n * params.channels + channel) * texels() + lies.first;
+    let light = mat4x4<f32>(
+        read_radiance(base), read_radiance(base + lies.on.x), read_radiance(base + lies.on.y), read_radiance(base + lies.on.z),
     );
+    return turned_if(light, turned);
 }
 
-// Where coefficient `k` of four cells stands.
-fn places(k: u32, c: u32, cell: vec4<u32>) -> vec4<u32> {
+// Where coefficient `k` of the cells of row `j` of a tile stands, or of the last cells again.
+fn places(k: u32, c: u32, cells: Tile, j: u32) -> vec4<u32> {
     let channels = max(params.channels, params.weight_channels);
     let count = params.cells.x * params.cells.y * params.cells.z;
+    let at = cells.first.xy + min(vec2<u32>(0u, j), cells.left - 1u);
+    let on = min(vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(cells.left.x - 1u));
+    let cell = (cells.first.z * params.cells.y + at.y) * params.cells.x + at.x + on;
     return select((cell * params.coefficients + k) * channels + c, (k * channels + c) * count + cell, vec4<bool>(params.planar == 1u));
 }
 
 // What the batches before left.
-fn before(first: u32, k: u32, c: u32, cell: vec4<u32>, beside: vec4<u32>) -> mat2x4<f32> {
-    if first == 0u {
-        return mat2x4<f32>();
+fn before(first: u32, k: u32, c: u32, cells: Tile) -> mat4x4<f32> {
+    // Drivers run both sides of a condition; of this one they may know the answer.
+    if params.batch >= params.directions || first == 0u {
+        return mat4x4<f32>();
     }
-    let at = places(k, c, cell);
-    let on = places(k, c, beside);
-    return mat2x4<f32>(
-        moments[at.x], moments[at.y], moments[at.z], moments[at.w], moments[on.x], moments[on.y], moments[on.z], moments[on.w],
+    return mat4x4<f32>(
+        row_before(places(k, c, cells, 0u)), row_before(places(k, c, cells, 1u)), row_before(places(k, c, cells, 2u)),
+        row_before(places(k, c, cells, 3u)),
     );
 }
 
-fn keep(k: u32, c: u32, cell: vec4<u32>, beside: vec4<u32>, value: mat2x4<f32>) {
-    keep_four(places(k, c, cell), value[0]);
-    keep_four(places(k, c, beside), value[1]);
+fn row_before(at: vec4<u32>) -> vec4<f32> {
+    return vec4<f32>(moments[at.x], moments[at.y], moments[at.z], moments[at.w]);
 }
 
-fn keep_four(at: vec4<u32>, value: vec4<f32>) {
-    moments[at.x] = value.x;
-    moments[at.y] = value.y;
-    moments[at.z] = value.z;
-    moments[at.w] = value.w;
+fn keep(k: u32, c: u32, cells: Tile, value: mat4x4<f32>) {
+    keep_row(k, c, cells, 0u, value[0]);
+    keep_row(k, c, cells, 1u, value[1]);
+    keep_row(k, c, cells, 2u, value[2]);
+    keep_row(k, c, cells, 3u, value[3]);
+}
+
+fn keep_row(k: u32, c: u32, cells: Tile, j: u32, value: vec4<f32>) {
+    if j < cells.left.y {
+        let at = places(k, c, cells, j);
+        let last = ended(value, cells.left.x);
+        moments[at.x] = last.x;
+        moments[at.y] = last.y;
+        moments[at.z] = last.z;
+        moments[at.w] = last.w;
+    }
 }

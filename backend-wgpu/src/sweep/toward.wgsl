@@ -21,7 +21,7 @@ fn sweep_toward(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_
         var d = vec4<f32>(0.0);
         for (var k = 0u; k < params.source_coefficients; k++) {
             let place = (k * params.channels + channel) * cells + cell;
-            let moment = of_four(place, cells);
+            let moment = vec4<f32>(read_sources(place.x), read_sources(place.y), read_sources(place.z), read_sources(place.w));
             a += read_source_weights(first.x + k) * moment;
             b += read_source_weights(first.y + k) * moment;
             c += read_source_weights(first.z + k) * moment;
@@ -34,14 +34,6 @@ fn sweep_toward(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_
         keep((n.z * params.channels + channel) * cells + cell, c * albedo);
         keep((n.w * params.channels + channel) * cells + cell, d * albedo);
     }
-}
-
-// The moments of four cells that follow each other, of so many: a whole texel of their copy where layers of them are.
-fn of_four(place: vec4<u32>, cells: u32) -> vec4<f32> {
-    if cells % 4u == 0u {
-        return read_four_sources(place.x / 4u);
-    }
-    return vec4<f32>(read_sources(place.x), read_sources(place.y), read_sources(place.z), read_sources(place.w));
 }
 
 fn keep(place: vec4<u32>, value: vec4<f32>) {
