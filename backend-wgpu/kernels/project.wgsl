@@ -1,4 +1,4 @@
-// `project`: records of directional light at the cells of a coarse grid. One workgroup CELLS cells, which lie beside each other:
+// `project`: records of directional light at the cells of a coarse grid. One workgroup CELLS cells, which follow each other in an order:
 // the PARTS invocations of each first march along a batch of directions, then each sums its own values of the record over the
 // batch, in the order of the directions.
 
@@ -26,7 +26,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     let part = lane / CELLS;
     let n = begin + lane % CELLS;
     let last = launch.count - 1u;
-    let cell = near(launch.start + min(n, last));
+    let cell = taken(min(n, last));
     let place = cell - launch.first;
     let channels = max(params.channels, params.weight_channels);
     let values = params.coefficients * channels;
@@ -53,7 +53,7 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         occupied = read_occupancy(place).y > 0.0;
         any = false;
         for (var i = 0u; i < CELLS; i++) {
-            any = any || read_occupancy(near(launch.start + min(begin + i, last)) - launch.first).y > 0.0;
+            any = any || read_occupancy(taken(min(begin + i, last)) - launch.first).y > 0.0;
         }
     }
     if any {
@@ -98,19 +98,12 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     }
 }
 
-// The cell that a unit of the work takes. Where a workgroup takes eight they are two along each axis, whose rays lie closer than
-// those of a row, in two layers that are all there and of even sides.
-fn near(unit: u32) -> u32 {
-    let across = params.cells.x;
-    let layer = across * params.cells.y;
-    let first = unit - unit % (2u * layer);
-    let there = first >= launch.start && launch.start + launch.count - first >= 2u * layer;
-    if CELLS < 8u || !there || ((across | params.cells.y) & 1u) > 0u {
-        return unit;
+// The cell of unit `n` of the dispatch.
+fn taken(n: u32) -> u32 {
+    if has_order {
+        return read_order(n);
     }
-    let rows = divide(unit - first, 4u * across);
-    let n = rows.y;
-    return first + rows.x * 2u * across + n / 8u * 2u + n % 2u + n / 2u % 2u * across + n / 4u % 2u * layer;
+    return launch.start + n;
 }
 
 // Marches along a direction, and keeps what comes of it in the workgroup's memory.

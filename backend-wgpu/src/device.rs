@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use airlight_core::device::{
     Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits, ResourceId,
-    ResourceSpec, StageTime,
+    ResourceSpec, StageTime, Usage,
 };
 use airlight_core::host;
 use airlight_core::stage::Stage;
@@ -99,6 +99,16 @@ impl WgpuDevice {
         }
     }
 
+    /// Makes memory of our own hold so many bytes at least.
+    pub(crate) fn reserve(&mut self, id: ResourceId, bytes: u64) -> Result<(), DeviceError> {
+        if self.store.buffer(id).is_ok_and(|memory| memory.bytes >= bytes) {
+            return Ok(());
+        }
+        self.remove(id);
+        let spec = ResourceSpec::Buffer { bytes, usage: Usage::Work };
+        self.store.add(id, || Resource::new(&self.gpu, &spec, &self.info.limits))
+    }
+
     pub(crate) fn binding_limits(&self) -> BindingLimits {
         let align = u64::from(self.limits.min_storage_buffer_offset_alignment).max(4);
         BindingLimits { bytes: self.info.limits.binding_bytes, align }
@@ -116,8 +126,7 @@ impl WgpuDevice {
         };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
-            variant.fetched =
-                self.store.fetched(&shapes, bindings, (variant.filtered, part.fours()), &self.limits);
+            variant.fetched = self.store.fetched(&shapes, bindings, (variant.filtered, part.fours()), &self.limits);
         }
         if self.pairs {
             for index in (0..bindings.len()).filter(|&index| part.pairs().contains(&bindings[index].name)) {
@@ -154,6 +163,7 @@ impl WgpuDevice {
     fn run_stage(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
         let parts = match stage {
             Stage::Sweep(sweep) => self.sweep_parts(stage, sweep, range.clone())?,
+            Stage::Project(project) => self.project_parts(stage, project, range.clone())?,
             _ => vec![Part::of(stage, range.clone())],
         };
         let mut prepared = Vec::new();
@@ -205,7 +215,11 @@ impl Device for WgpuDevice {
     }
 
     fn scratch(&self, stage: &Stage) -> u64 {
-        if let Stage::Sweep(sweep) = stage { self.sweep_scratch(sweep) } else { 0 }
+        match stage {
+            Stage::Sweep(sweep) => self.sweep_scratch(sweep),
+            Stage::Project(project) => self.project_scratch(project),
+            _ => 0,
+        }
     }
 
     fn field_kinds(&self) -> FieldKinds {
@@ -269,8 +283,7 @@ impl Device for WgpuDevice {
             });
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), self.units);
-            let copies = self.store.stale(&binding, Fetched::default());
-            let pipeline = &pipeline;
+            let (pipeline, copies) = (&pipeline, Vec::new());
             let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
             launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;
         }

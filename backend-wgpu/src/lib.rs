@@ -25,6 +25,7 @@ mod loader;
 mod memory;
 mod part;
 mod pipeline;
+mod project;
 mod source;
 mod staging;
 mod store;

@@ -7,7 +7,7 @@ use airlight_core::device::Binding;
 use airlight_core::stage::Stage;
 
 use crate::source::sweep::Kernel as Kind;
-use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant};
+use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant, order};
 
 /// What decides a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -122,11 +122,12 @@ pub(crate) struct Part {
     kernel: Kernel,
 }
 
-/// A stage's own kernel, or one of those that `sweep` is put together from.
+/// A stage's own kernel, one of those that `sweep` is put together from, or the one that orders the cells of `project`.
 #[derive(Debug)]
 enum Kernel {
     Stage(source::Source),
     Sweep(Kind),
+    Order,
 }
 
 impl Part {
@@ -161,6 +162,21 @@ impl Part {
         }
     }
 
+    /// The kernel that orders the units `range` of `project`.
+    pub(crate) fn of_order(bindings: Vec<Binding>, range: Range<u32>) -> Self {
+        Self {
+            name: order::NAME,
+            bindings,
+            axis: range.end,
+            group: 1,
+            range,
+            sequential: None,
+            steps: None,
+            gathers: false,
+            kernel: Kernel::Order,
+        }
+    }
+
     /// Units of the work axis, or items of a unit, that a workgroup takes, of so many invocations where those work alone; `known` is
     /// whether kernels know their parameters.
     pub(crate) fn taken(&self, units: u32, known: bool, fetched: Fetched) -> u32 {
@@ -168,6 +184,8 @@ impl Part {
             Kernel::Stage(source) => source.taken(units, known) * self.aligned(fetched),
             Kernel::Sweep(Kind::Rows) => 1,
             Kernel::Sweep(_) => units,
+            // One workgroup.
+            Kernel::Order => u32::MAX,
         }
     }
 
@@ -183,7 +201,7 @@ impl Part {
         match &self.kernel {
             Kernel::Stage(source) => source.fours,
             Kernel::Sweep(Kind::Scatter) => &["sources"],
-            Kernel::Sweep(_) => &[],
+            Kernel::Sweep(_) | Kernel::Order => &[],
         }
     }
 
@@ -191,7 +209,7 @@ impl Part {
     pub(crate) fn pairs(&self) -> &'static [&'static str] {
         match &self.kernel {
             Kernel::Stage(source) => source.pairs(),
-            Kernel::Sweep(_) => &[],
+            Kernel::Sweep(_) | Kernel::Order => &[],
         }
     }
 
@@ -200,6 +218,7 @@ impl Part {
         match &self.kernel {
             Kernel::Stage(source) => source.places(),
             Kernel::Sweep(kernel) => kernel.places(),
+            Kernel::Order => order::known_places(),
         }
     }
 
@@ -208,6 +227,7 @@ impl Part {
         match &self.kernel {
             Kernel::Stage(source) => source.text(shapes, variant),
             Kernel::Sweep(kernel) => kernel.text(shapes, variant),
+            Kernel::Order => order::text(shapes, variant),
         }
     }
 }

@@ -11,6 +11,7 @@ use airlight_core::stage::{Inject, Stage};
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
 pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
 
+pub(crate) mod order;
 mod reads;
 pub(crate) mod sweep;
 
@@ -312,9 +313,10 @@ impl Source {
         if self.singly { &[] } else { self.wide }
     }
 
-    /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not.
+    /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not; cells that hold it, which
+    /// are ordered to be first, or do not.
     fn uneven(&self) -> bool {
-        self.recipe.helpers.contains(&Helper::Mesh)
+        self.name == "project" || self.recipe.helpers.contains(&Helper::Mesh)
     }
 
     /// The text for bindings of these shapes.
@@ -363,6 +365,9 @@ impl Source {
                         + &uniform(shape)
                 }
             };
+        }
+        if self.name == "project" && shapes.iter().all(|shape| shape.name != order::ORDER) {
+            prelude += &order::none();
         }
         let text = Text::new(WGSL, &prelude, &self.recipe, shapes, helper, self.file);
         specialised(text, &structs, self.recipe.params, known)

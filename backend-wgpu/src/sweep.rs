@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError, ResourceId, ResourceSpec, Usage};
+use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError, ResourceId};
 use airlight_core::stage::{Kernel as _, Stage, Sweep, SweepParams};
 
 use crate::WgpuDevice;
@@ -77,13 +77,15 @@ impl WgpuDevice {
                 self.reserve_texels(texels)?;
             }
         } else if sweep.sources.is_some() {
-            self.reserve(toward(&sweep.params))?;
+            let toward = toward(&sweep.params);
+            self.reserve(toward.id, toward.bytes())?;
         }
         let p = &sweep.params;
         let (steps, planes) = (p.batch_steps(), p.cells[3]);
         let mut parts = Vec::new();
         if let Some(fours) = &fours {
-            let bindings = vec![Binding::read("optics", Some(sweep.optics)), Binding::write("turned", Some(fours.optics))];
+            let bindings =
+                vec![Binding::read("optics", Some(sweep.optics)), Binding::write("turned", Some(fours.optics))];
             parts.push(Part::of_sweep(Kernel::Turn, bindings, 0..1, fours.optics.len as u32));
         }
         let mut next = range.start;
@@ -219,16 +221,6 @@ impl WgpuDevice {
         let textures = self.limits.max_storage_textures_per_shader_stage >= TEXTURES;
         let fit = own.iter().all(|&bytes| texels::fits(bytes, 4, &self.limits));
         (self.rewrites && whole && textures && fit && sweep.params.count() < MOST_ROWS).then_some(fours)
-    }
-
-    /// Makes memory of our own hold so many bytes at least.
-    fn reserve(&mut self, buf: Buf<f32>) -> Result<(), DeviceError> {
-        if self.store.buffer(buf.id).is_ok_and(|memory| memory.bytes >= buf.bytes()) {
-            return Ok(());
-        }
-        self.remove(buf.id);
-        let spec = ResourceSpec::Buffer { bytes: buf.bytes(), usage: Usage::Work };
-        self.store.add(buf.id, || Resource::new(&self.gpu, &spec, &self.info.limits))
     }
 
     /// Makes a texture of our own hold so many texels at least.

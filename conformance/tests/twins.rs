@@ -224,7 +224,7 @@ const WGPU: Backend = Backend {
         ("reconstruct", "keep", "four cells that wait together"),
         ("reconstruct", "cluster", "asked for before all else of four cells"),
         ("reconstruct", "four_of", "weights of four components that are read at once"),
-        ("project", "near", "cells of a packet whose rays lie close"),
+        ("project", "taken", "cells in an order, those that hold the medium first, where several march together"),
         ("classify", "write", "four voxels share the control points and where they are"),
     ],
     lacks: &[],

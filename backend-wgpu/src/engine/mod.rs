@@ -254,9 +254,8 @@ impl WgpuDevice {
             Ok(Shot { range: piece.range, first: piece.groups.start, past: piece.groups.end, bound })
         });
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
-        let copies = self.store.stale(&bindings, Fetched::default());
         self.store.wrote(&bindings);
-        let units = text::UNITS;
+        let (units, copies) = (text::UNITS, Vec::new());
         let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
         let what = "an engine's frame";
         let recorded = launch::record(&mut self.gpu, &mut self.groups, &self.limits, what, &[launches], None);

@@ -116,7 +116,8 @@ fn sweeps_are_put_together_from_kernels_that_read_memory_and_textures() {
     let directions = Binding::read("directions", directions);
     let [sources, source_weights, weights] = [read("sources", 2), read("source_weights", 3), read("weights", 1)];
     let surfaces = Binding::read("obstructed", Some(Buf::<u32>::new(ResourceId(6), 8)));
-    let (read_fours, write_fours) = (|name, id| Binding::read(name, fours(id)), |name, id| Binding::write(name, fours(id)));
+    let (read_fours, write_fours) =
+        (|name, id| Binding::read(name, fours(id)), |name, id| Binding::write(name, fours(id)));
     let [optics, turned, toward] = [read("optics", 0), read_fours("optics", 8), read_fours("toward", 4)];
     for (kernel, bindings) in [
         (Kernel::Toward, vec![optics, sources, source_weights, Binding::write("toward", buffer(4))]),

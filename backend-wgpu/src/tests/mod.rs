@@ -3,6 +3,7 @@
 
 mod engine;
 mod filter;
+mod project;
 mod staging;
 mod steady;
 mod sweep;

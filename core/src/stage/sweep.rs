@@ -21,7 +21,7 @@
 //!
 //! M\[k\]\[c\] = Σ_i L_i\[c\] · W\[i\]\[k\]\[c\].
 //!
-//! Directions are taken in batches, whose radiance lies in a buffer. The work axis is the steps of all batches, in order: for
+//! Directions are taken in batches, for whose radiance there is a buffer. The work axis is the steps of all batches, in order: for
 //! each batch the planes, of all of its directions at a time, and one step that adds its moments. Directions with fewer
 //! planes rest at the end.
 
@@ -103,7 +103,7 @@ pub struct Sweep {
     pub weights: Buf<f32>,
     /// Which neighbours of a cell lie behind surfaces, from `obstruct`.
     pub obstructed: Option<Buf<u32>>,
-    /// L of a batch, laid out \[direction\]\[channel\]\[cell\].
+    /// Room for L of a batch, laid out \[direction\]\[channel\]\[cell\] where a device keeps it there: nobody else may read it.
     pub radiance: Buf<f32>,
     /// M, laid out \[coefficient\]\[channel\]\[cell\], or \[cell\]\[coefficient\]\[channel\].
     pub moments: Buf<f32>,
