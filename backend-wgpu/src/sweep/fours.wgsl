@@ -34,7 +34,7 @@ fn ended(v: vec4<f32>, left: u32) -> vec4<f32> {
     return vec4<f32>(v.x, y, z, select(z, v.w, left > 3u));
 }
 
-// Four by four cells of a slice: the first of them, their texel and rows of four, and how many cells are left along x and y.
+// Four by four cells of a slice: the first of them, and how many cells are left from there on along x and y.
 struct Tile {
     first: vec3<u32>,
     left: vec2<u32>,
