@@ -38,7 +38,7 @@ fn stored(format: TextureFormat, view_dimension: TextureViewDimension) -> Bindin
     BindingType::StorageTexture { access: StorageTextureAccess::ReadOnly, format, view_dimension }
 }
 
-/// A storage texture that takes the place of a buffer.
+/// A storage texture that is written, and may be read.
 fn held(format: TextureFormat) -> BindingType {
     let (access, view_dimension) = (StorageTextureAccess::ReadWrite, TextureViewDimension::D2);
     BindingType::StorageTexture { access, format, view_dimension }

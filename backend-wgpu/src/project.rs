@@ -2,19 +2,17 @@
 
 use std::ops::Range;
 
-use airlight_core::device::{Binding, Buf, DeviceError, ResourceId};
+use airlight_core::device::{Binding, Buf, DeviceError};
 use airlight_core::stage::{Kernel as _, Project, Stage};
 
 use crate::WgpuDevice;
 use crate::cut::Cut;
 use crate::part::Part;
 use crate::source::order;
-
-/// The order of a dispatch's cells. Executors count ids from 0.
-const ORDER: ResourceId = ResourceId(u32::MAX - 4);
+use crate::store::own;
 
 fn order_of(project: &Project) -> Buf<u32> {
-    Buf::new(ORDER, project.axis().into())
+    Buf::new(own::ORDER, project.axis().into())
 }
 
 impl WgpuDevice {

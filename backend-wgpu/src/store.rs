@@ -11,6 +11,22 @@ use crate::memory::{Memory, Resource, Volume};
 use crate::source::{Fetched, Shape, ShapeKind, index_binding, slab_binding, words};
 use crate::texels::{self, Copy, Texels};
 
+/// Resources of our own, for what kernels of a stage hand to each other. Executors count ids from 0.
+pub(crate) mod own {
+    use airlight_core::device::ResourceId;
+
+    /// What cells scatter toward a batch of directions of `sweep`, where it lies in memory.
+    pub(crate) const TOWARD: ResourceId = ResourceId(u32::MAX);
+    /// The same in a texture.
+    pub(crate) const TOWARD_TEXELS: ResourceId = ResourceId(u32::MAX - 1);
+    /// Radiance of a batch.
+    pub(crate) const RADIANCE: ResourceId = ResourceId(u32::MAX - 2);
+    /// What its cells do to light, in rows along x and again in rows along y.
+    pub(crate) const OPTICS: ResourceId = ResourceId(u32::MAX - 3);
+    /// The order in which `project` takes the cells of a dispatch.
+    pub(crate) const ORDER: ResourceId = ResourceId(u32::MAX - 4);
+}
+
 /// The resources under their ids, and what stands where a stage runs without one.
 #[derive(Debug)]
 pub(crate) struct Store {

@@ -3,23 +3,15 @@
 
 use std::ops::Range;
 
-use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError, ResourceId};
+use airlight_core::device::{Binding, BindingAccess, Buf, DeviceError};
 use airlight_core::stage::{Kernel as _, Stage, Sweep, SweepParams};
 
 use crate::WgpuDevice;
 use crate::memory::Resource;
 use crate::part::Part;
 use crate::source::sweep::{ABREAST, Kernel};
+use crate::store::own;
 use crate::texels::{self, Texels};
-
-/// What cells scatter toward a batch of directions, where it lies in memory. Executors count ids from 0.
-const TOWARD: ResourceId = ResourceId(u32::MAX);
-/// The same in a texture.
-const TOWARD_TEXELS: ResourceId = ResourceId(u32::MAX - 1);
-/// Radiance of a batch.
-const RADIANCE: ResourceId = ResourceId(u32::MAX - 2);
-/// What cells do to light, in rows along x and again in rows along y.
-const OPTICS: ResourceId = ResourceId(u32::MAX - 3);
 
 /// Textures that a sweep's planes read: all of its bindings.
 const TEXTURES: u32 = 5;
@@ -28,7 +20,7 @@ const MOST_ROWS: u32 = 1 << 22;
 
 /// What cells scatter toward a batch of directions, in memory.
 fn toward(p: &SweepParams) -> Buf<f32> {
-    Buf::new(TOWARD, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()))
+    Buf::new(own::TOWARD, u64::from(p.batch) * u64::from(p.channels) * u64::from(p.count()))
 }
 
 /// The textures that a sweep's cells lie in, as `sweep/fours.wgsl` has them.
@@ -51,9 +43,9 @@ impl Fours {
         let emissions = if p.emits == 1 { channels } else { 0 };
         let of_batch = u64::from(p.batch) * channels * texels;
         Self {
-            optics: Buf::new(OPTICS, 2 * (extinctions + albedos + emissions) * texels),
-            toward: Buf::new(TOWARD_TEXELS, if albedos > 0 { of_batch } else { 0 }),
-            radiance: Buf::new(RADIANCE, of_batch),
+            optics: Buf::new(own::OPTICS, 2 * (extinctions + albedos + emissions) * texels),
+            toward: Buf::new(own::TOWARD_TEXELS, if albedos > 0 { of_batch } else { 0 }),
+            radiance: Buf::new(own::RADIANCE, of_batch),
             tiles: x.div_ceil(4) * y.div_ceil(4) * z,
         }
     }

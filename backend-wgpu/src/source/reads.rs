@@ -64,12 +64,6 @@ pub(crate) fn held(shape: &Shape, index: usize) -> String {
     )
 }
 
-/// The function that writes an element of a buffer.
-pub(crate) fn written(shape: &Shape) -> String {
-    let (name, element) = (shape.name, shape.element.name(WGSL));
-    format!("fn write_{name}(i: u32, value: {element}) {{\n    {name}[i] = value;\n}}\n")
-}
-
 /// A buffer of floats that a kernel writes by four, or singly where it says so: the functions that do. Where `pairs` two floats are
 /// an integer of 64 bits, which drivers that store one value of one invocation at a time store at once; that is not for kernels that
 /// write single floats.

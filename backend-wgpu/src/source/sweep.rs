@@ -62,7 +62,7 @@ impl Kernel {
             prelude += &WGSL.truth(&format!("has_{}", shape.name), shape.present);
             prelude += &match shape.kind {
                 ShapeKind::Write if variant.fetched.has(index) => reads::held(shape, index),
-                ShapeKind::Write => buffer(shape, index) + &reads::written(shape),
+                ShapeKind::Write => buffer(shape, index),
                 _ if variant.fetched.has(index) => reads::texels(shape, index, variant.fetched, &structs),
                 _ => reads::memory(shape, index),
             };

@@ -37,8 +37,8 @@ fn sweep_toward(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_
 }
 
 fn keep(place: vec4<u32>, value: vec4<f32>) {
-    write_toward(place.x, value.x);
-    write_toward(place.y, value.y);
-    write_toward(place.z, value.z);
-    write_toward(place.w, value.w);
+    toward[place.x] = value.x;
+    toward[place.y] = value.y;
+    toward[place.z] = value.z;
+    toward[place.w] = value.w;
 }
