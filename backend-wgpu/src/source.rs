@@ -397,7 +397,7 @@ fn specialised(mut text: Text, structs: &str, params: &str, known: Option<&Numbe
     if let Some(known) = known {
         let places = reads::places(structs, params).into_iter().zip(known);
         let facts: Vec<_> = places.filter_map(|((name, _), fact)| Some((name, fact.as_ref()?))).collect();
-        text.whole = reads::kept(&text.whole, &facts);
+        text.whole = reads::kept(&text.whole, structs, params, &facts);
     }
     text
 }

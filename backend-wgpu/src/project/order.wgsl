@@ -5,7 +5,7 @@
 var<workgroup> occupied: array<u32, LANES>;
 
 @compute @workgroup_size(LANES)
-fn project_order(@builtin(local_invocation_index) lane: u32) {
+fn project_order(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let each = (launch.count + LANES - 1u) / LANES;
     let begin = min(lane * each, launch.count);
     let end = min(begin + each, launch.count);

@@ -182,17 +182,17 @@ impl Place {
 
 impl Fact {
     /// The statement by which a kernel learns it of the field `name`; nothing where it tells nothing.
-    fn statement(&self, name: &str) -> String {
+    fn statement(&self, name: &str) -> Option<String> {
         match self {
-            Self::Words(words) => match &words[..] {
+            Self::Words(words) => Some(match &words[..] {
                 [word] => format!(" kept_params.{name} = {word}u;"),
                 words => {
                     let words: Vec<_> = words.iter().map(|word| format!("{word}u")).collect();
                     format!(" kept_params.{name} = vec4<u32>({});", words.join(", "))
                 }
-            },
-            Self::Zero => format!(" kept_params.{name} = vec4<f32>();"),
-            Self::Grey | Self::Colored => String::new(),
+            }),
+            Self::Zero => Some(format!(" kept_params.{name} = vec4<f32>();")),
+            Self::Grey | Self::Colored => None,
         }
     }
 }
@@ -222,9 +222,12 @@ pub(crate) fn greys(structs: &str, name: &str, known: &[Option<Fact>]) -> String
     grey.collect()
 }
 
-/// A kernel's text that copies its parameters into `kept_params` before all else, and writes over them what is known. Lines stay
-/// where they are.
-pub(crate) fn kept(text: &str, known: &[(&str, &Fact)]) -> String {
+/// A kernel's text that copies its parameters, a struct of that `name`, into `kept_params` before all else, and writes over them
+/// what is known. Lines stay where they are.
+///
+/// What is not known is joined with zeros that drivers cannot tell to be zero. Mesa's makes kernels anew for the values of uniforms
+/// that alone decide a condition, with every dispatch for which they change: some ten milliseconds, or a whole compilation.
+pub(crate) fn kept(text: &str, structs: &str, name: &str, known: &[(&str, &Fact)]) -> String {
     let mut parts = text.split("params.");
     let mut out = parts.next().unwrap_or_default().to_owned();
     for part in parts {
@@ -235,9 +238,23 @@ pub(crate) fn kept(text: &str, known: &[(&str, &Fact)]) -> String {
     let Some(body) = out.find("@compute").and_then(|entry| Some(entry + out[entry..].find(") {\n")? + 3)) else {
         return out;
     };
-    let facts: String = known.iter().map(|(name, fact)| fact.statement(name)).collect();
+    let fact = |name| known.iter().find(|(known, _)| *known == name).and_then(|(_, fact)| fact.statement(name));
+    let copied = fields(structs, name).into_iter().map(|(name, kind)| fact(name).unwrap_or_else(|| hidden(name, kind)));
+    let copied: String = copied.collect();
     let (before, after) = out.split_at(body);
-    format!("{before} kept_params = params;{facts}{after}")
+    format!("{before} kept_params = params; let none = id.x >> 31u;{copied}{after}")
+}
+
+/// The statement that hides a field of the copy from drivers, by the highest bit of a workgroup's number.
+fn hidden(name: &str, kind: &str) -> String {
+    match kind {
+        "u32" => format!(" kept_params.{name} |= none;"),
+        "vec4<u32>" => format!(" kept_params.{name} |= vec4<u32>(none);"),
+        _ => {
+            let bits = kind.replace("f32", "u32");
+            format!(" kept_params.{name} = bitcast<{kind}>(bitcast<{bits}>(kept_params.{name}) | {bits}(none));")
+        }
+    }
 }
 
 /// The body that puts a struct together from texels of four words, of which scalars take one each.
@@ -289,11 +306,15 @@ mod tests {
         let facts: Vec<_> = found.iter().map(|(name, place)| (*name, place.fact(&words))).collect();
         let known: Vec<_> = facts.iter().filter(|(name, _)| *name != "c").map(|(name, fact)| (*name, fact)).collect();
         let text =
-            "fn f() -> f32 { return params.b * my_params.c; }\n@compute\nfn k(a: u32) {\n    let x = params.some;\n}\n";
-        let expected = "fn f() -> f32 { return kept_params.b * my_params.c; }\n@compute\nfn k(a: u32) { kept_params = params; \
-                        kept_params.some = 7u; kept_params.d = vec4<u32>(1u, 2u, 3u, 4u); \
+            "fn f() -> f32 { return params.b * my_params.c; }\n@compute\nfn k(id: u32) {\n    let x = params.some;\n}\n";
+        let expected = "fn f() -> f32 { return kept_params.b * my_params.c; }\n@compute\nfn k(id: u32) { kept_params = params; \
+                        let none = id.x >> 31u; \
+                        kept_params.a = bitcast<vec4<f32>>(bitcast<vec4<u32>>(kept_params.a) | vec4<u32>(none)); \
+                        kept_params.some = 7u; \
+                        kept_params.b = bitcast<f32>(bitcast<u32>(kept_params.b) | u32(none)); kept_params.c |= none; \
+                        kept_params.d = vec4<u32>(1u, 2u, 3u, 4u); \
                         kept_params.e = vec4<f32>();\n    let x = kept_params.some;\n}\n";
-        assert_eq!(kept(text, &known), expected);
+        assert_eq!(kept(text, structs, "P", &known), expected);
         words[2] = 8;
         assert_eq!(found[0].1.fact(&words), Fact::Colored);
         let known: Vec<_> = facts.into_iter().map(|(_, fact)| Some(fact)).collect();
