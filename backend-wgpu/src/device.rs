@@ -10,7 +10,7 @@ use airlight_core::device::{
     ResourceSpec, StageTime, Usage,
 };
 use airlight_core::host;
-use airlight_core::stage::Stage;
+use airlight_core::stage::{Stage, Sweep};
 use wgpu::{QuerySet, Sampler};
 
 use crate::adapter;
@@ -51,6 +51,8 @@ pub struct WgpuDevice {
     pairs: bool,
     /// Whether they read storage textures of four words that they write.
     pub(crate) rewrites: bool,
+    /// The sweep that was dispatched last, and how far.
+    pub(crate) swept: Option<(Sweep, u32)>,
     clock: Clock,
 }
 
@@ -81,6 +83,7 @@ impl WgpuDevice {
             texels,
             pairs,
             rewrites,
+            swept: None,
             clock: Clock::new(tick),
         })
     }

@@ -55,8 +55,17 @@ impl Fours {
     }
 }
 
+/// What is taken of a batch: planes, if there are any, before them what cells scatter toward its directions, and after them its
+/// moments.
+struct Piece {
+    planes: Range<u32>,
+    scatters: bool,
+    gathers: bool,
+}
+
 impl WgpuDevice {
-    /// The parts of a range of `sweep`: for each batch its sources, its planes, and its moments.
+    /// The parts of a range of `sweep`: for each batch its sources, its planes, and its moments. Where it goes on with what the range
+    /// before left of the same sweep, sources stand: of a batch they are found once, in however many pieces its planes are taken.
     pub(crate) fn sweep_parts(
         &mut self,
         stage: &Stage,
@@ -74,8 +83,9 @@ impl WgpuDevice {
         }
         let p = &sweep.params;
         let (steps, planes) = (p.batch_steps(), p.cells[3]);
+        let goes_on = self.swept.take().is_some_and(|(swept, end)| swept == *sweep && end == range.start);
         let mut parts = Vec::new();
-        if let Some(fours) = &fours {
+        if let (Some(fours), false) = (&fours, goes_on) {
             let bindings =
                 vec![Binding::read("optics", Some(sweep.optics)), Binding::write("turned", Some(fours.optics))];
             parts.push(Part::of_sweep(Kernel::Turn, bindings, 0..1, fours.optics.len as u32));
@@ -83,25 +93,31 @@ impl WgpuDevice {
         let mut next = range.start;
         while next < range.end {
             let gather = next / steps * steps + planes;
-            let end = range.end.min(gather);
+            let piece = Piece {
+                planes: next..range.end.min(gather),
+                scatters: next % steps == 0 || !goes_on,
+                gathers: gather < range.end,
+            };
             match &fours {
-                Some(fours) => self.batch_by_fours(sweep, fours, (next..end, gather < range.end), &mut parts),
-                None => Self::batch(stage, sweep, (next..end, gather < range.end), &mut parts),
+                Some(fours) => self.batch_by_fours(sweep, fours, piece, &mut parts),
+                None => Self::batch(stage, sweep, piece, &mut parts),
             }
             next = gather + 1;
         }
+        self.swept = Some((sweep.clone(), range.end));
         Ok(parts)
     }
 
-    /// Parts of a batch whose light lies in memory: planes, if there are any, and its moments, if `gathers`.
-    fn batch(stage: &Stage, sweep: &Sweep, (planes, gathers): (Range<u32>, bool), parts: &mut Vec<Part>) {
+    /// Parts of a batch whose light lies in memory.
+    fn batch(stage: &Stage, sweep: &Sweep, piece: Piece, parts: &mut Vec<Part>) {
+        let Piece { planes, scatters, gathers } = piece;
         let p = &sweep.params;
         let toward = toward(p);
         let sources = sweep.sources.zip(sweep.source_weights);
         let gather = planes.end;
         if !planes.is_empty() {
             let (first, taken) = batch_of(p, planes.start);
-            if let Some((sources, weights)) = sources {
+            if let (Some((sources, weights)), true) = (sources, scatters) {
                 let bindings = vec![
                     Binding::read("optics", Some(sweep.optics)),
                     Binding::read("sources", Some(sources)),
@@ -132,9 +148,10 @@ impl WgpuDevice {
         &self,
         sweep: &Sweep,
         fours: &Fours,
-        (planes, gathers): (Range<u32>, bool),
+        piece: Piece,
         parts: &mut Vec<Part>,
     ) {
+        let Piece { planes, scatters, gathers } = piece;
         let p = &sweep.params;
         let sources = sweep.sources.zip(sweep.source_weights);
         let directions = Binding::read("directions", Some(sweep.directions));
@@ -142,7 +159,7 @@ impl WgpuDevice {
         let gather = planes.end;
         if !planes.is_empty() {
             let (first, taken) = batch_of(p, planes.start);
-            if let Some((sources, weights)) = sources {
+            if let (Some((sources, weights)), true) = (sources, scatters) {
                 let bindings = vec![
                     optics,
                     directions,
