@@ -100,6 +100,8 @@ enum End {
 const PIECE: Duration = Duration::from_millis(50);
 /// The share of a stage that is run first to learn its pace.
 const FIRST_PIECES: u32 = 64;
+/// What is longer than this is worth another wait.
+const LONG: Duration = Duration::from_millis(100);
 
 impl Executor {
     /// An executor of plans on `device`.
@@ -450,7 +452,7 @@ impl Run<'_> {
     }
 
     /// Dispatches one of so many passes of a stage, in pieces where it is long. The first time, a small piece is waited
-    /// for to learn the pace.
+    /// for to learn the pace; and where the rest seems long, another one, for drivers may have compiled the kernel in the first.
     fn pass(&mut self, stage: &Stage, [number, of]: [usize; 2], hooks: &mut Hooks<'_>) -> Result<(), ExecError> {
         let (name, axis) = (stage.name(), stage.axis());
         let mut say = |done: u32| -> Result<(), ExecError> {
@@ -466,12 +468,18 @@ impl Run<'_> {
         let mut at = 0;
         self.learns |= !self.pace.contains_key(name);
         if !self.pace.contains_key(name) && axis > 1 {
-            say(0)?;
-            at = axis.div_ceil(FIRST_PIECES);
-            self.piece(stage, 0..at)?;
-            self.finish()?;
+            for _ in 0..2 {
+                say(at)?;
+                let end = at.saturating_add(axis.div_ceil(FIRST_PIECES)).min(axis);
+                self.piece(stage, at..end)?;
+                self.finish()?;
+                at = end;
+                if f64::from(axis - at) * self.pace(name) <= LONG.as_secs_f64() {
+                    break;
+                }
+            }
         }
-        let pace = self.pace.get(name).copied().unwrap_or(0.0);
+        let pace = self.pace(name);
         let piece = self.patience.map_or(PIECE, |patience| PIECE.min(patience / 4));
         let per_piece = (piece.as_secs_f64() / pace.max(1e-12)).clamp(1.0, f64::from(axis.max(1))) as u32;
         while at < axis {
@@ -481,6 +489,11 @@ impl Run<'_> {
             at = end;
         }
         say(axis)
+    }
+
+    /// Seconds that a unit of a stage takes, as far as that is known.
+    fn pace(&self, stage: &str) -> f64 {
+        self.pace.get(stage).copied().unwrap_or(0.0)
     }
 
     fn piece(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), ExecError> {
