@@ -24,8 +24,8 @@ pub(crate) struct Key {
 ///
 /// Mesa's software driver runs both sides of every condition; and it rebuilds kernels for uniforms that conditions depend on,
 /// with every dispatch. Kernels that are built for the numbers have no such conditions. Building takes as long as many
-/// dispatches, so that it is done for numbers that stand over two waits: not in a first frame, which waits to learn how long
-/// each stage takes. What had more values than a few is left a uniform for good, and the rest is built in.
+/// dispatches, so that it is done for numbers that stand over two waits, as those of a stage do that is long or comes in every
+/// frame, or over a few dispatches. What had more values than a few is left a uniform for good, and the rest is built in.
 #[derive(Debug, Default)]
 pub(crate) struct Steady {
     /// Waits so far.
@@ -38,9 +38,19 @@ pub(crate) struct Steady {
 struct Habit {
     /// What kernels may know.
     places: Vec<Place>,
-    /// What was dispatched, with nothing where it had too many values, and the wait before.
-    seen: Vec<(Numbers, u64)>,
+    seen: Vec<Seen>,
     loose: Vec<bool>,
+}
+
+/// What was dispatched.
+#[derive(Clone, Debug)]
+struct Seen {
+    /// With nothing where it had too many values.
+    numbers: Numbers,
+    /// The wait before.
+    since: u64,
+    /// How often.
+    times: u64,
 }
 
 impl Habit {
@@ -53,36 +63,39 @@ impl Habit {
         Self { loose: vec![false; places.len()], places, seen: Vec::new() }
     }
 
-    /// The numbers of a dispatch, as kernels may be built for them, and the wait since which they stand.
-    fn note(&mut self, params: &[u32], wait: u64) -> (Numbers, u64) {
+    /// The numbers of a dispatch, as kernels may be built for them, with the wait since which they stand.
+    fn note(&mut self, params: &[u32], wait: u64) -> Seen {
         let values = self.places.iter().zip(&self.loose);
         let mut numbers: Numbers = values.map(|(place, loose)| (!loose).then(|| place.fact(params))).collect();
-        if let Some(known) = self.seen.iter().find(|(seen, _)| *seen == numbers) {
+        if let Some(known) = self.seen.iter_mut().find(|seen| seen.numbers == numbers) {
+            known.times += 1;
             return known.clone();
         }
         if self.seen.len() >= Self::SEEN {
             self.seen.remove(0);
         }
-        self.seen.push((numbers.clone(), wait));
+        self.seen.push(Seen { numbers: numbers.clone(), since: wait, times: 1 });
         for n in 0..numbers.len() {
-            let values: HashSet<_> = self.seen.iter().map(|(seen, _)| &seen[n]).collect();
+            let values: HashSet<_> = self.seen.iter().map(|seen| &seen.numbers[n]).collect();
             if values.len() > Self::VALUES {
                 self.loose[n] = true;
-                self.seen.iter_mut().for_each(|(seen, _)| seen[n] = None);
+                self.seen.iter_mut().for_each(|seen| seen.numbers[n] = None);
                 numbers[n] = None;
             }
         }
         // What is the same now stands since the first of it.
-        let first = self.seen.iter().find(|(seen, _)| *seen == numbers).map_or(wait, |(_, since)| *since);
-        (numbers, first)
+        let first = self.seen.iter().find(|seen| seen.numbers == numbers).map_or(wait, |seen| seen.since);
+        Seen { numbers, since: first, times: 1 }
     }
 }
 
 impl Steady {
     /// The most kernels that there may be for one to be built for numbers.
     const MOST: usize = 256;
-    /// Waits over which numbers stand that kernels are built for.
+    /// Waits over which numbers stand that kernels are built for,
     const WAITS: u64 = 2;
+    /// or dispatches before.
+    const TIMES: u64 = 3;
 
     /// Books a wait.
     pub(crate) fn waited(&mut self) {
@@ -98,8 +111,8 @@ impl Steady {
         built: usize,
     ) -> Numbers {
         let habit = self.habits.entry(key.clone()).or_insert_with(|| Habit::new(places()));
-        let (numbers, since) = habit.note(params, self.waits);
-        let stands = since + Self::WAITS <= self.waits && built < Self::MOST;
+        let Seen { numbers, since, times } = habit.note(params, self.waits);
+        let stands = (since + Self::WAITS <= self.waits || times > Self::TIMES) && built < Self::MOST;
         if stands { numbers } else { vec![None; numbers.len()] }
     }
 }
@@ -269,6 +282,15 @@ mod tests {
         (0..2).for_each(|_| steady.waited());
         assert_eq!(known(&mut steady, [1, 8, 2, 4]), [words(&[1]), words(&[2, 4])]);
         assert_eq!(steady.known(&key(), &[1, 8, 2, 3], places, Steady::MOST), nothing);
+    }
+
+    #[test]
+    fn kernels_are_built_for_numbers_that_come_again_and_again() {
+        let mut steady = Steady::default();
+        for time in 0..6 {
+            let numbers = known(&mut steady, [1, time, 2, 3]);
+            assert_eq!(numbers[0].is_some(), time >= 3, "{time}");
+        }
     }
 
     #[test]

@@ -144,13 +144,7 @@ impl WgpuDevice {
     }
 
     /// The same of a batch whose light lies in textures.
-    fn batch_by_fours(
-        &self,
-        sweep: &Sweep,
-        fours: &Fours,
-        piece: Piece,
-        parts: &mut Vec<Part>,
-    ) {
+    fn batch_by_fours(&self, sweep: &Sweep, fours: &Fours, piece: Piece, parts: &mut Vec<Part>) {
         let Piece { planes, scatters, gathers } = piece;
         let p = &sweep.params;
         let sources = sweep.sources.zip(sweep.source_weights);

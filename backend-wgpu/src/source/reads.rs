@@ -305,8 +305,7 @@ mod tests {
         let mut words = [9, 9, 9, 4, 7, 1, 8, 1, 2, 3, 4, 0, 0, 0, 0];
         let facts: Vec<_> = found.iter().map(|(name, place)| (*name, place.fact(&words))).collect();
         let known: Vec<_> = facts.iter().filter(|(name, _)| *name != "c").map(|(name, fact)| (*name, fact)).collect();
-        let text =
-            "fn f() -> f32 { return params.b * my_params.c; }\n@compute\nfn k(id: u32) {\n    let x = params.some;\n}\n";
+        let text = "fn f() -> f32 { return params.b * my_params.c; }\n@compute\nfn k(id: u32) {\n    let x = params.some;\n}\n";
         let expected = "fn f() -> f32 { return kept_params.b * my_params.c; }\n@compute\nfn k(id: u32) { kept_params = params; \
                         let none = id.x >> 31u; \
                         kept_params.a = bitcast<vec4<f32>>(bitcast<vec4<u32>>(kept_params.a) | vec4<u32>(none)); \
