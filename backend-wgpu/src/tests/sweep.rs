@@ -97,6 +97,32 @@ fn light_kept_in_textures_is_that_kept_in_memory() {
         device.info.limits.loop_turns = turns;
         holds(&run(&mut device, true, pieces), &expected, &format!("{pieces} pieces, {turns:?}"));
     }
+    device.info.limits.loop_turns = turns;
+    holds(&run(&mut device, false, 4), &expected, "4 pieces in memory");
+}
+
+#[test]
+fn a_batch_finds_its_sources_once() {
+    let Some(mut device) = device() else { return };
+    let sweep = sweep(&mut device, CELLS);
+    let stage = Stage::Sweep(sweep.clone());
+    let steps = sweep.params.batch_steps();
+    // By texels, where kernels read them, and in memory.
+    for texels in [device.rewrites, false] {
+        device.rewrites = texels;
+        let mut found = |range| {
+            let parts = device.sweep_parts(&stage, &sweep, range).unwrap();
+            parts.iter().filter(|part| ["sweep_turn", "sweep_scatter", "sweep_toward"].contains(&part.name)).count()
+        };
+        // By texels it turns the optics as well.
+        let turns = usize::from(texels);
+        assert_eq!(found(0..2), 1 + turns, "the begin");
+        assert_eq!(found(2..4), 0, "the rest of a batch");
+        assert_eq!(found(4..steps + 1), 1, "the next batch");
+        assert_eq!(found(2..4), 1 + turns, "what does not go on");
+        assert_eq!(found(0..2), 1 + turns, "from the begin");
+        assert_eq!(found(0..2), 1 + turns, "another time");
+    }
 }
 
 #[test]
