@@ -7,7 +7,7 @@ use airlight_core::device::Binding;
 use airlight_core::stage::Stage;
 
 use crate::source::sweep::Kernel as Kind;
-use crate::source::{self, Fetched, Numbers, Place, Shape, Text, Variant, order};
+use crate::source::{self, Fact, Fetched, Numbers, Place, Shape, Text, Variant, order};
 
 /// What decides a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -25,7 +25,8 @@ pub(crate) struct Key {
 /// Mesa's software driver runs both sides of every condition; and it rebuilds kernels for uniforms that conditions depend on,
 /// with every dispatch. Kernels that are built for the numbers have no such conditions. Building takes as long as many
 /// dispatches, so that it is done for numbers that stand over two waits, as those of a stage do that is long or comes in every
-/// frame, or over a few dispatches. What had more values than a few is left a uniform for good, and the rest is built in.
+/// frame, or over a few dispatches. What had more values than a few is left a uniform until it stands for longer, and the rest is
+/// built in.
 #[derive(Debug, Default)]
 pub(crate) struct Steady {
     /// Waits so far.
@@ -38,8 +39,40 @@ pub(crate) struct Steady {
 struct Habit {
     /// What kernels may know.
     places: Vec<Place>,
+    /// What is known of each.
+    facts: Vec<Standing>,
     seen: Vec<Seen>,
-    loose: Vec<bool>,
+}
+
+/// How long a place has had its value.
+#[derive(Clone, Debug)]
+struct Standing {
+    fact: Option<Fact>,
+    /// The wait before it had that value.
+    since: u64,
+    /// Whether it had too many values to build kernels for them.
+    loose: bool,
+    /// Over how many waits it has to stand to be built in again: each time for longer.
+    patience: u64,
+}
+
+impl Standing {
+    /// Takes note of a value; whether it has stood for long enough to be built in again.
+    fn note(&mut self, fact: Fact, wait: u64) -> bool {
+        if self.fact.as_ref() != Some(&fact) {
+            (self.fact, self.since) = (Some(fact), wait);
+        }
+        let stands = self.loose && self.since + self.patience <= wait;
+        if stands {
+            (self.loose, self.patience) = (false, Habit::MOST_PATIENCE.min(2 * self.patience));
+        }
+        stands
+    }
+
+    /// Its value, if kernels may be built for that.
+    fn known(&self) -> Option<Fact> {
+        self.fact.clone().filter(|_| !self.loose)
+    }
 }
 
 /// What was dispatched.
@@ -58,15 +91,25 @@ impl Habit {
     const VALUES: usize = 2;
     /// The most numbers that are remembered.
     const SEEN: usize = 16;
+    /// Waits over which what had more values has to stand at first, as after a new scene,
+    const PATIENCE: u64 = 4;
+    /// and at the most.
+    const MOST_PATIENCE: u64 = 64;
 
     fn new(places: Vec<Place>) -> Self {
-        Self { loose: vec![false; places.len()], places, seen: Vec::new() }
+        let facts = vec![Standing { fact: None, since: 0, loose: false, patience: Self::PATIENCE }; places.len()];
+        Self { facts, places, seen: Vec::new() }
     }
 
     /// The numbers of a dispatch, as kernels may be built for them, with the wait since which they stand.
     fn note(&mut self, params: &[u32], wait: u64) -> Seen {
-        let values = self.places.iter().zip(&self.loose);
-        let mut numbers: Numbers = values.map(|(place, loose)| (!loose).then(|| place.fact(params))).collect();
+        for (n, place) in self.places.iter().enumerate() {
+            if self.facts[n].note(place.fact(params), wait) {
+                // As if it had always had that value.
+                self.seen.iter_mut().for_each(|seen| seen.numbers[n] = self.facts[n].known());
+            }
+        }
+        let mut numbers: Numbers = self.facts.iter().map(Standing::known).collect();
         if let Some(known) = self.seen.iter_mut().find(|seen| seen.numbers == numbers) {
             known.times += 1;
             return known.clone();
@@ -78,7 +121,7 @@ impl Habit {
         for n in 0..numbers.len() {
             let values: HashSet<_> = self.seen.iter().map(|seen| &seen.numbers[n]).collect();
             if values.len() > Self::VALUES {
-                self.loose[n] = true;
+                self.facts[n].loose = true;
                 self.seen.iter_mut().for_each(|seen| seen.numbers[n] = None);
                 numbers[n] = None;
             }
@@ -248,7 +291,6 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::Fact;
 
     fn key() -> Key {
         Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None }
@@ -294,7 +336,27 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_change_with_every_frame_are_left_out_for_good() {
+    fn numbers_of_a_scene_that_stays_are_built_in_again() {
+        let mut steady = Steady::default();
+        let mut frames = |value, count| -> Vec<bool> {
+            let frame = |_| {
+                let numbers = known(&mut steady, [value, 0, 7, 7]);
+                steady.waited();
+                numbers[0].is_some()
+            };
+            (0..count).map(frame).collect()
+        };
+        // Two scenes are built for, the third is one too many until it has stayed for a while, the next for twice as long.
+        assert_eq!(frames(1, 3), [false, false, true]);
+        assert_eq!(frames(2, 3), [false, false, true]);
+        assert_eq!(frames(3, 6), [false, false, false, false, true, true]);
+        assert_eq!(frames(4, 3), [false, false, true]);
+        let next = frames(5, 10);
+        assert_eq!(next.iter().position(|known| *known), Some(8), "{next:?}");
+    }
+
+    #[test]
+    fn numbers_that_change_with_every_frame_are_left_out() {
         let mut steady = Steady::default();
         for frame in 0..9 {
             let numbers = known(&mut steady, [frame, 0, 7, 7]);

@@ -125,6 +125,8 @@ const ENOUGH: Duration = Duration::from_millis(300);
 pub(crate) const FEWEST: usize = 3;
 /// and at most this often.
 const MOST: usize = 9;
+/// The first frames, in which drivers and backends settle, do not count where there are more than the fewest.
+const SETTLING: usize = 4;
 
 /// Times the work. What takes longer than `limit`, or [`PREPARING`] times that where it prepares, is skipped.
 pub fn measure(renderer: &mut Renderer, work: Work, name: &str, limit: Duration) -> Outcome {
@@ -148,7 +150,7 @@ fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Durati
     let camera = &frames.scene.camera;
     let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
     let (mut runs, mut total, mut stages) = (Vec::new(), Duration::ZERO, Vec::new());
-    while runs.len() < MOST && (total < ENOUGH || runs.len() < FEWEST) {
+    while runs.len() < SETTLING + MOST && (total < ENOUGH || runs.len() < FEWEST) {
         frames.advance();
         let start = Instant::now();
         match within(limit.saturating_sub(begin.elapsed()), |hooks| renderer.render_with(&frames.scene, hooks)) {
@@ -163,6 +165,7 @@ fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Durati
             Err(error) => return given_up(error, "a frame", limit),
         }
     }
+    runs.drain(..SETTLING.min(runs.len().saturating_sub(FEWEST)));
     Outcome::Measured { timing: Timing::new(name, runs, pixels), stages, error }
 }
 
