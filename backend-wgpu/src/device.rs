@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use airlight_core::device::{
-    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, Limits, ResourceId,
+    Binding, Buf, Device, DeviceError, DeviceInfo, DeviceKind, FieldFormat, FieldKinds, FieldSpec, Limits, ResourceId,
     ResourceSpec, StageTime, Usage,
 };
 use airlight_core::host;
@@ -37,7 +37,7 @@ pub struct WgpuDevice {
     pub(crate) store: Store,
     /// Kernels.
     pub(crate) pipelines: HashMap<Key, Arc<Pipeline>>,
-    publishers: HashMap<FieldFormat, Arc<Pipeline>>,
+    publishers: HashMap<(FieldFormat, bool), Arc<Pipeline>>,
     pub(crate) groups: Groups,
     pub(crate) engine: Engine,
     /// Where texture units interpolate.
@@ -155,12 +155,15 @@ impl WgpuDevice {
         Ok((built, fetched))
     }
 
-    fn publisher(&mut self, format: FieldFormat) -> Result<Arc<Pipeline>, DeviceError> {
-        if let Some(pipeline) = self.publishers.get(&format) {
+    fn publisher(&mut self, spec: FieldSpec) -> Result<Arc<Pipeline>, DeviceError> {
+        let FieldSpec { format, dims: [_, y, z], .. } = spec;
+        let few = self.texels && u64::from(y) * u64::from(z) < source::FEW_ROWS.into();
+        if let Some(pipeline) = self.publishers.get(&(format, few)) {
             return Ok(Arc::clone(pipeline));
         }
-        let built = Pipeline::of_publish(&self.gpu, &source::publish_text(format, self.units), texture_format(format))?;
-        Ok(Arc::clone(self.publishers.entry(format).or_insert(Arc::new(built))))
+        let text = source::publish_text(format, self.units, few);
+        let built = Pipeline::of_publish(&self.gpu, &text, texture_format(format))?;
+        Ok(Arc::clone(self.publishers.entry((format, few)).or_insert(Arc::new(built))))
     }
 
     fn run_stage(&mut self, stage: &Stage, range: Range<u32>) -> Result<(), DeviceError> {
@@ -264,7 +267,7 @@ impl Device for WgpuDevice {
     fn publish(&mut self, from: ResourceId, to: ResourceId) -> Result<(), DeviceError> {
         self.gpu.enter()?;
         let spec = self.store.get(from)?.spec().check_publish(&self.store.get(to)?.spec())?;
-        let pipeline = self.publisher(spec.format)?;
+        let pipeline = self.publisher(spec)?;
         let volume = self.store.field(to)?;
         // The work axis is the texels of a layer; each is a part of the buffer, with all its layers.
         let Ok(texels) = u32::try_from(spec.texels() / u64::from(spec.layers)) else {

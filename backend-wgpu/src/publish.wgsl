@@ -12,18 +12,25 @@ fn publish(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
     }
     let texel = launch.start + n;
     let size = params.dims.xyz;
-    let x = texel % size.x;
-    let y = texel / size.x % size.y;
-    let z = texel / size.x / size.y;
+    let row = parted(texel, size.x);
+    let column = parted(row.x, size.y);
     let layers = params.dims.w;
     for (var layer = 0u; layer < layers; layer++) {
-        let slice = layer * size.z + z;
+        let slice = layer * size.z + column.x;
         if slice >= params.slices.x && slice < params.slices.y {
             let at = ((texel - launch.first) * layers + layer) * WORDS;
-            let place = vec3<i32>(vec3<u32>(x, y, slice - params.slices.x));
+            let place = vec3<i32>(vec3<u32>(row.y, column.y, slice - params.slices.x));
             textureStore(slab, place, load(at));
         }
     }
+}
+
+// Quotient and rest.
+fn parted(a: u32, b: u32) -> vec2<u32> {
+    if FEW {
+        return divide(a, b);
+    }
+    return vec2<u32>(a / b, a % b);
 }
 
 fn load(at: u32) -> vec4<f32> {

@@ -498,8 +498,12 @@ fn uniform(shape: &Shape) -> String {
     )
 }
 
-/// The kernel that makes a slab of a field of texels of a format from what stages wrote, in workgroups of so many invocations.
-pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
+/// Software drivers divide texels by rows as floats where there are fewer rows than this ([`DIVIDE`]).
+pub(crate) const FEW_ROWS: u32 = 1 << 22;
+
+/// The kernel that makes a slab of a field of texels of a format from what stages wrote, in workgroups of so many invocations;
+/// of fields of `few` rows, if they are divided as floats.
+pub(crate) fn publish_text(format: FieldFormat, units: u32, few: bool) -> Text {
     let (texture, words) = match format {
         // Halves are not published.
         FieldFormat::Scalar | FieldFormat::Half { .. } => ("r32float", 1),
@@ -508,7 +512,7 @@ pub(crate) fn publish_text(format: FieldFormat, units: u32) -> Text {
     let mut text = Text::default();
     let prelude = PublishParams::text(WGSL) + &uniforms(PublishParams::NAME, false);
     let prelude = prelude + &WGSL.integer("UNITS", units) + &WGSL.integer("WORDS", words);
-    text.push("generated", &prelude);
+    text.push("generated", &(prelude + &WGSL.truth("FEW", few)));
     text.push("src/publish.wgsl", &include_str!("publish.wgsl").replace("FORMAT", texture));
     text
 }

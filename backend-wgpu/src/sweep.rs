@@ -9,14 +9,13 @@ use airlight_core::stage::{Kernel as _, Stage, Sweep, SweepParams};
 use crate::WgpuDevice;
 use crate::memory::Resource;
 use crate::part::Part;
+use crate::source::FEW_ROWS;
 use crate::source::sweep::{ABREAST, Kernel};
 use crate::store::own;
 use crate::texels::{self, Texels};
 
 /// Textures that a sweep's planes read: all of its bindings.
 const TEXTURES: u32 = 5;
-/// Kernels divide by rows of cells where the quotient is below this.
-const MOST_ROWS: u32 = 1 << 22;
 
 /// What cells scatter toward a batch of directions, in memory.
 fn toward(p: &SweepParams) -> Buf<f32> {
@@ -95,7 +94,7 @@ impl WgpuDevice {
             let gather = next / steps * steps + planes;
             let piece = Piece {
                 planes: next..range.end.min(gather),
-                scatters: next % steps == 0 || !goes_on,
+                scatters: next.is_multiple_of(steps) || !goes_on,
                 gathers: gather < range.end,
             };
             match &fours {
@@ -223,7 +222,7 @@ impl WgpuDevice {
         let whole = most <= self.info.limits.binding_bytes && self.planes_at_once(&sweep.params) > 0;
         let textures = self.limits.max_storage_textures_per_shader_stage >= TEXTURES;
         let fit = own.iter().all(|&bytes| texels::fits(bytes, 4, &self.limits));
-        (self.rewrites && whole && textures && fit && sweep.params.count() < MOST_ROWS).then_some(fours)
+        (self.rewrites && whole && textures && fit && sweep.params.count() < FEW_ROWS).then_some(fours)
     }
 
     /// Makes a texture of our own hold so many texels at least.

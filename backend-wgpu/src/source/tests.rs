@@ -103,7 +103,9 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
         }
     }
     for format in [FieldFormat::Scalar, FieldFormat::Rgba] {
-        assert_eq!(module(&publish_text(format, UNITS)).err(), None);
+        for few in [false, true] {
+            assert_eq!(module(&publish_text(format, UNITS, few)).err(), None);
+        }
     }
 }
 
@@ -196,7 +198,7 @@ fn kernels_bind_what_their_stages_list_under_the_same_names() {
 fn no_kernel_needs_more_than_the_limits_that_are_asked_for() {
     let limits = crate::adapter::required_limits();
     let mut texts: Vec<_> = examples(true).iter().map(|stage| text(stage, 1)).collect();
-    texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(|format| publish_text(format, UNITS)));
+    texts.extend([FieldFormat::Scalar, FieldFormat::Rgba].map(|format| publish_text(format, UNITS, false)));
     texts.extend(crate::engine::kernels());
     let mut most = [0; 6];
     for text in texts {
