@@ -4,6 +4,7 @@
 mod engine;
 mod filter;
 mod project;
+mod publish;
 mod staging;
 mod steady;
 mod sweep;
