@@ -39,12 +39,12 @@ pub(crate) struct Steady {
 struct Habit {
     /// What kernels may know.
     places: Vec<Place>,
-    /// What is known of each.
+    /// Their values.
     facts: Vec<Standing>,
     seen: Vec<Seen>,
 }
 
-/// How long a place has had its value.
+/// The value of a place, and for how long it has had it.
 #[derive(Clone, Debug)]
 struct Standing {
     fact: Option<Fact>,
