@@ -80,8 +80,5 @@ void moment(const Bound *bound, size_t row, uint count, float3 *found) {
         float4 g4 = g8.lo + g8.hi;
         float4 b4 = b8.lo + b8.hi;
         found[i] = (float3)(r4.x + r4.y + r4.z + r4.w, g4.x + g4.y + g4.z + g4.w, b4.x + b4.y + b4.z + b4.w);
-        for (uint k = 16u * packets; k < functions; k++) {
-            found[i] += matrices[i][k] * (float3)(red[k], green[k], blue[k]);
-        }
     }
 }

@@ -144,13 +144,15 @@ fn clamped(past: Past, x: u32, y: u32) -> Past {
         let column = min(max(x + i % 3u, 1u) - 1u, params.width - 1u);
         let row = min(max(y + i / 3u, 1u) - 1u, params.height - 1u);
         let at = 2u * (row * params.width + column);
-        if read_medium(at).w < 0.0 {
+        let light = read_medium(at);
+        if light.w < 0.0 {
             continue;
         }
-        least = min(least, read_medium(at).xyz);
-        most = max(most, read_medium(at).xyz);
-        thinnest = min(thinnest, read_medium(at + 1u).xyz);
-        thickest = max(thickest, read_medium(at + 1u).xyz);
+        let through = read_medium(at + 1u).xyz;
+        least = min(least, light.xyz);
+        most = max(most, light.xyz);
+        thinnest = min(thinnest, through);
+        thickest = max(thickest, through);
     }
     var found = past;
     found.radiance = clamp(past.radiance, least, most);

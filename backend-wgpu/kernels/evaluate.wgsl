@@ -1,16 +1,22 @@
 // `evaluate`: what clusters of transfer matrices make of light. One invocation a moment, or a unit where folded.
 
+// What each invocation of a workgroup makes of its rows, where they share rows: the first row's red, green and blue of all, then the
+// second's.
+var<workgroup> shared_sums: array<f32, SHARED_SUMS>;
+
 @compute @workgroup_size(UNITS)
 fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     if SHARES && params.folded == 0u {
-        // Half of the invocations take eight moments each, which share the light: every fourth, so that the rows of a packet begin
-        // at the same place of a texel.
-        let n = number(id) * 4u * UNITS + lane / (UNITS / 8u) + 32u * (lane % (UNITS / 8u));
-        if lane < UNITS / 2u && n < launch.count {
-            let row = launch.start + n - launch.first * params.coefficients;
-            let sums = moments(row);
-            keep(row, (launch.count - n + 3u) / 4u, sums[0]);
-            keep(row + 16u, max((launch.count - n + 3u) / 4u, 4u) - 4u, sums[1]);
+        // Four invocations take eight moments, each every fourth texel of their rows: a packet loads what follows each other.
+        let n = number(id) * 2u * UNITS + 8u * (lane / 4u);
+        let row = launch.start + n - launch.first * params.coefficients;
+        leave(lane, moments(row, lane % 4u));
+        workgroupBarrier();
+        let slot = 2u * (lane % 4u);
+        for (var i = 0u; i < 2u; i++) {
+            if n + slot + i < launch.count {
+                evaluated[row + slot + i] = vec4<f32>(joined(lane, slot + i), 0.0);
+            }
         }
         return;
     }
@@ -39,57 +45,29 @@ fn evaluate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_inde
 
 // What a row of the matrices makes of light.
 fn moment(row: u32) -> vec3<f32> {
-    let first = row * params.functions;
+    let fours = params.functions / 4u;
     var sum = vec3<f32>(0.0);
-    for (var k = 0u; k < params.functions; k++) {
-        sum += read_matrices(first + k) * vec3<f32>(read_light(k), read_light(params.functions + k), read_light(2u * params.functions + k));
+    for (var t = 0u; t < fours; t++) {
+        let m = read_four_matrices(row * fours + t);
+        sum += vec3<f32>(
+            dot(m, read_four_light(t)), dot(m, read_four_light(fours + t)), dot(m, read_four_light(2u * fours + t)),
+        );
     }
     return sum;
 }
 
-// What every fourth of 32 rows makes of light: red, green and blue of four and four.
-fn moments(row: u32) -> array<mat3x4<f32>, 2> {
-    let functions = params.functions;
-    let first = (row + vec4<u32>(0u, 4u, 8u, 12u)) * functions;
-    let second = (row + vec4<u32>(16u, 20u, 24u, 28u)) * functions;
+// What every fourth texel of eight rows, from the one of this number on, makes of light: red, green and blue of four and four.
+fn moments(row: u32, begin: u32) -> array<mat3x4<f32>, 2> {
+    let fours = params.functions / 4u;
+    let first = (row + vec4<u32>(0u, 1u, 2u, 3u)) * fours;
+    let second = (row + vec4<u32>(4u, 5u, 6u, 7u)) * fours;
     var sums = array<mat3x4<f32>, 2>();
-    // What comes before the first whole texel and after the last.
-    let head = min((4u - first.x % 4u) % 4u, functions);
-    let fours = (functions - head) / 4u;
-    let rest = functions - 4u * fours;
-    for (var i = 0u; i < rest; i++) {
-        let k = select(i + 4u * fours, i, i < head);
-        let light = vec3<f32>(read_light(k), read_light(functions + k), read_light(2u * functions + k));
-        let a = vec4<f32>(
-            read_matrices(first.x + k), read_matrices(first.y + k), read_matrices(first.z + k), read_matrices(first.w + k),
-        );
-        let b = vec4<f32>(
-            read_matrices(second.x + k), read_matrices(second.y + k), read_matrices(second.z + k), read_matrices(second.w + k),
-        );
-        sums[0] += mat3x4<f32>(a * light.x, a * light.y, a * light.z);
-        sums[1] += mat3x4<f32>(b * light.x, b * light.y, b * light.z);
-    }
-    // The light of each channel begins somewhere within a texel.
-    let begin = head + vec3<u32>(0u, functions, 2u * functions);
-    let at = begin / 4u;
-    let off = begin % 4u;
-    var red = read_four_light(at.x);
-    var green = read_four_light(at.y);
-    var blue = read_four_light(at.z);
-    let near = (first + head) / 4u;
-    let far = (second + head) / 4u;
-    for (var t = 0u; t < fours; t++) {
-        let next_red = read_four_light(at.x + t + 1u);
-        let next_green = read_four_light(at.y + t + 1u);
-        let next_blue = read_four_light(at.z + t + 1u);
-        let r = from_two(red, next_red, off.x);
-        let g = from_two(green, next_green, off.y);
-        let b = from_two(blue, next_blue, off.z);
-        sums[0] += arriving(near + t, r, g, b);
-        sums[1] += arriving(far + t, r, g, b);
-        red = next_red;
-        green = next_green;
-        blue = next_blue;
+    for (var t = begin; t < fours; t += 4u) {
+        let red = read_four_light(t);
+        let green = read_four_light(fours + t);
+        let blue = read_four_light(2u * fours + t);
+        sums[0] += arriving(first + t, red, green, blue);
+        sums[1] += arriving(second + t, red, green, blue);
     }
     return sums;
 }
@@ -107,11 +85,22 @@ fn arriving(at: vec4<u32>, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) ->
     );
 }
 
-// Writes up to four moments.
-fn keep(row: u32, left: u32, sums: mat3x4<f32>) {
-    let s = transpose(sums);
-    if left > 0u { evaluated[row] = vec4<f32>(s[0], 0.0); }
-    if left > 1u { evaluated[row + 4u] = vec4<f32>(s[1], 0.0); }
-    if left > 2u { evaluated[row + 8u] = vec4<f32>(s[2], 0.0); }
-    if left > 3u { evaluated[row + 12u] = vec4<f32>(s[3], 0.0); }
+// Leaves what an invocation makes of eight rows.
+fn leave(lane: u32, sums: array<mat3x4<f32>, 2>) {
+    for (var c = 0u; c < 3u; c++) {
+        for (var i = 0u; i < 4u; i++) {
+            shared_sums[(3u * i + c) * UNITS + lane] = sums[0][c][i];
+            shared_sums[(3u * (i + 4u) + c) * UNITS + lane] = sums[1][c][i];
+        }
+    }
+}
+
+// What the four invocations that this one is of make of a row.
+fn joined(lane: u32, slot: u32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var i = 0u; i < 4u; i++) {
+        let at = 3u * slot * UNITS + lane / 4u * 4u + i;
+        sum += vec3<f32>(shared_sums[at], shared_sums[at + UNITS], shared_sums[at + 2u * UNITS]);
+    }
+    return sum;
 }

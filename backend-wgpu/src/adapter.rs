@@ -112,6 +112,23 @@ pub(crate) fn fetches(info: &wgpu::AdapterInfo) -> bool {
     info.driver == "llvmpipe"
 }
 
+/// Bits of the weights of texture units that are known to be better than what the driver states, and worth their while.
+///
+/// Mesa's software driver states 8, and filters floats by weights that are floats. From version 23.3 on every load of a texel is
+/// a call there: a lookup between texels is one in place of eight, and waits for its eight lines at once.
+pub(crate) fn weight_bits(info: &wgpu::AdapterInfo) -> Option<u32> {
+    (info.driver == "llvmpipe" && mesa(&info.driver_info)? >= (23, 3)).then_some(FILTER_BITS)
+}
+
+/// What a filter in floats leaves of 24 bits: a + w (b - a) is rounded three times.
+const FILTER_BITS: u32 = 22;
+
+/// Version of Mesa in the words of its drivers, "Mesa 25.0.7-2 (LLVM 15.0.6)".
+fn mesa(driver_info: &str) -> Option<(u32, u32)> {
+    let mut numbers = driver_info.strip_prefix("Mesa ")?.split(|c: char| !c.is_ascii_digit());
+    Some((numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))
+}
+
 /// Invocations of a workgroup, where they do not work together: 64, or 128 on discrete graphics processors, whose
 /// multiprocessors hold too few workgroups to be full of smaller ones; at least a subgroup, and what the limits allow (decision
 /// 0264).
@@ -178,6 +195,23 @@ mod tests {
     use wgpu::Backend;
 
     use super::*;
+
+    #[test]
+    fn texture_units_are_known_where_a_lookup_is_a_call() {
+        for (driver, words, expected) in [
+            ("llvmpipe", "Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)", Some(FILTER_BITS)),
+            ("llvmpipe", "Mesa 23.3.0 (LLVM 17.0.1)", Some(FILTER_BITS)),
+            ("llvmpipe", "Mesa 23.2.1 (LLVM 15.0.7)", None),
+            ("llvmpipe", "Mesa 22.3.6 (LLVM 15.0.6)", None),
+            ("llvmpipe", "25.0.7", None),
+            ("radv", "Mesa 25.0.7", None),
+        ] {
+            let (driver, driver_info) = (driver.to_owned(), words.to_owned());
+            let info =
+                wgpu::AdapterInfo { driver, driver_info, ..wgpu::AdapterInfo::new(DeviceType::Cpu, Backend::Vulkan) };
+            assert_eq!(weight_bits(&info), expected, "{info:?}");
+        }
+    }
 
     #[test]
     fn workgroups_hold_a_subgroup_and_keep_to_the_limits() {

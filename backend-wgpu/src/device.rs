@@ -129,7 +129,8 @@ impl WgpuDevice {
         };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
-            variant.fetched = self.store.fetched(&shapes, bindings, (variant.filtered, part.fours()), &self.limits);
+            let sampled = |field: &str| variant.filtered && part.interpolates(field);
+            variant.fetched = self.store.fetched(&shapes, bindings, (sampled, part.fours()), &self.limits);
         }
         if self.pairs {
             for index in (0..bindings.len()).filter(|&index| part.pairs().contains(&bindings[index].name)) {

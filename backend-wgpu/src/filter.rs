@@ -3,15 +3,14 @@
 use airlight_core::device::{DeviceInfo, Unavailable};
 use wgpu::{FilterMode, Sampler, SamplerDescriptor};
 
-use crate::WgpuDevice;
 use crate::gpu::Gpu;
-use crate::vulkan;
+use crate::{WgpuDevice, adapter, vulkan};
 
 /// Who interpolates between the texels of fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
     /// The kernels, in 32-bit floats; texture units only where the driver states weights of at least
-    /// [`Filter::EXACT_BITS`] bits. No driver is known to.
+    /// [`Filter::EXACT_BITS`] bits, or is known to have them: Mesa's software driver, from version 23.3 on.
     #[default]
     Exact,
     /// Texture units, where they can filter 32-bit floats, whatever the precision of their weights: most have 8 bits,
@@ -30,8 +29,7 @@ impl Filter {
     const LEAST_BITS: u32 = 4;
 }
 
-/// Whether texture units filter, and with how many bits, of a driver that states `bits` and can or cannot filter
-/// 32-bit floats.
+/// Whether texture units filter, of a driver whose weights have `bits` and that can or cannot filter 32-bit floats.
 fn hardware(filter: Filter, filterable: bool, bits: u32) -> bool {
     filterable && (filter == Filter::Hardware || bits >= Filter::EXACT_BITS)
 }
@@ -39,7 +37,8 @@ fn hardware(filter: Filter, filterable: bool, bits: u32) -> bool {
 /// The sampler of a device whose texture units filter; `info` tells of it.
 pub(crate) fn sampler(gpu: &Gpu, info: &mut DeviceInfo, filter: Filter) -> Option<Sampler> {
     let filterable = gpu.device.features().contains(wgpu::Features::FLOAT32_FILTERABLE);
-    let bits = vulkan::of_device(&gpu.device).weight_bits.unwrap_or(Filter::LEAST_BITS).min(Filter::FLOAT_BITS);
+    let stated = || vulkan::of_device(&gpu.device).weight_bits.unwrap_or(Filter::LEAST_BITS).min(Filter::FLOAT_BITS);
+    let bits = adapter::weight_bits(&gpu.device.adapter_info()).unwrap_or_else(stated);
     let used = hardware(filter, filterable, bits);
     info.filter_bits = if used { bits } else { Filter::FLOAT_BITS };
     used.then(|| {

@@ -261,6 +261,14 @@ impl Part {
         }
     }
 
+    /// Whether it looks the field of that name up between texels.
+    pub(crate) fn interpolates(&self, field: &str) -> bool {
+        match &self.kernel {
+            Kernel::Stage(source) => source.interpolates(field),
+            Kernel::Sweep(_) | Kernel::Order => false,
+        }
+    }
+
     /// Buffers of floats that may be written two at once.
     pub(crate) fn pairs(&self) -> &'static [&'static str] {
         match &self.kernel {

@@ -180,7 +180,7 @@ pub(crate) struct Variant<'p> {
     /// Invocations of a workgroup, where they do not work together.
     pub(crate) units: u32,
     pub(crate) fetched: Fetched,
-    /// Whether texture units interpolate fields of one texture.
+    /// Whether texture units interpolate fields of one texture that are not fetched.
     pub(crate) filtered: bool,
     /// Of `sweep`: whether it adds moments, in place of finishing planes.
     pub(crate) gathers: bool,
@@ -264,7 +264,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
     };
     let (each, fours): (u32, &[&str]) = match stage {
         // Folded ones take a row at a time.
-        Stage::Evaluate(evaluate) if evaluate.params.folded == 0 => (4, &["matrices", "light"]),
+        Stage::Evaluate(evaluate) => (if evaluate.params.folded == 0 { 2 } else { 1 }, &["matrices", "light"]),
         Stage::Reconstruct(reconstruct) if reconstruct.params.view == 0 => (1, &["rows", "weights"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
         Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
@@ -313,6 +313,11 @@ impl Source {
         if self.singly { &[] } else { self.wide }
     }
 
+    /// Whether it looks the field of that name up between texels, in place of loading texels (`reduce` of probes does, too).
+    pub(crate) fn interpolates(&self, field: &str) -> bool {
+        !matches!(self.name, "reduce" | "coarsen" | "classify" | "inject") && field != "environment"
+    }
+
     /// Whether some workgroups are much longer work than others: rays that meet a mesh or a medium, or do not; cells that hold it, which
     /// are ordered to be first, or do not.
     fn uneven(&self) -> bool {
@@ -331,6 +336,7 @@ impl Source {
         prelude += &WGSL.truth("GATHERS", gathers);
         // On processors eight rows of `evaluate` share the light.
         prelude += &WGSL.truth("SHARES", known.is_some());
+        prelude += &WGSL.integer("SHARED_SUMS", if known.is_some() { 24 * units } else { 1 });
         // On processors an invocation of `inject` takes a cube of samples, which share exponentials, elsewhere a column.
         let [wide, rows, tall] = if known.is_some() { [CUBE; 3] } else { [1, 1, Inject::BRICK] };
         prelude += &WGSL.truth("CUBES", known.is_some());
@@ -349,6 +355,7 @@ impl Source {
             prelude += "@group(0) @binding(2) var linear: sampler;\n";
         }
         for (index, shape) in shapes.iter().enumerate() {
+            let filtered = filtered && !fetched.has(index);
             prelude += &match shape.kind {
                 ShapeKind::Read if fetched.has(index) => reads::texels(shape, index, fetched, &structs),
                 ShapeKind::Read => reads::memory(shape, index),

@@ -146,13 +146,13 @@ impl Store {
         Ok(shapes)
     }
 
-    /// What a stage reads as storage textures, as many as there may be: fields, unless they are `filtered`, then buffers that are
+    /// What a stage reads as storage textures, as many as there may be: fields, unless they are one texture that is `sampled`, then buffers that are
     /// there and fit a texture, four words at a time those of `fours`; and textures of our own.
     pub(crate) fn fetched(
         &self,
         shapes: &[Shape],
         bindings: &[Binding],
-        (filtered, fours): (bool, &[&str]),
+        (sampled, fours): (impl Fn(&str) -> bool, &[&str]),
         limits: &wgpu::Limits,
     ) -> Fetched {
         let mut left = limits.max_storage_textures_per_shader_stage;
@@ -167,7 +167,9 @@ impl Store {
             match shape.kind {
                 // Not every device reads halves as storage textures.
                 ShapeKind::Field { format: FieldFormat::Half { .. }, .. } => {}
-                ShapeKind::Field { slabs, bricks, .. } if !filtered => take(index, slabs + u32::from(bricks), false),
+                ShapeKind::Field { slabs, bricks, .. } if slabs > 1 || !sampled(shape.name) => {
+                    take(index, slabs + u32::from(bricks), false);
+                }
                 _ => {}
             }
         }

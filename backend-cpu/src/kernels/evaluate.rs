@@ -9,8 +9,10 @@ use rayon::prelude::*;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, lanes, triple};
-use crate::simd::{Floats, Simd};
+use crate::packet::{F, LANES, triple};
+use crate::simd::Simd;
+
+const _: () = assert!((EvaluateParams::PACK as usize).is_multiple_of(LANES), "rows are whole packets");
 
 /// Rows of matrices that one task takes.
 const CHUNK: usize = 64;
@@ -18,8 +20,8 @@ const CHUNK: usize = 64;
 struct Inputs<'a> {
     p: &'a EvaluateParams,
     matrices: &'a [f32],
-    /// Red, green and blue, sixteen functions at a time; zero past the last.
-    light: [Vec<Floats>; 3],
+    /// Red, green and blue of all functions.
+    light: [&'a [f32]; 3],
     views: &'a [f32],
 }
 
@@ -28,11 +30,9 @@ pub(crate) fn run(stage: &Evaluate, range: Range<u32>, memory: &mut Memory<'_>, 
     let (mut out, read) = memory.split();
     let p = &stage.params;
     let (planes, functions) = (read.buf(stage.light)?, p.functions as usize);
-    let value = |c: usize, k: usize| if k < functions { planes[c * functions + k] } else { 0.0 };
-    let packets = 0..functions.div_ceil(LANES);
-    let plane = |c: usize| packets.clone().map(|n| lanes!(i => value(c, n * LANES + i))).collect();
+    let light = [0, 1, 2].map(|c| &planes[c * functions..][..functions]);
     let (matrices, views) = (read.buf(stage.matrices)?, read.opt(stage.views)?);
-    let inputs = &Inputs { p, matrices, light: [0, 1, 2].map(plane), views };
+    let inputs = &Inputs { p, matrices, light, views };
     let (start, end) = (range.start as usize, range.end as usize);
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(out.remove(0));
     let rows = if p.folded == 1 { p.coefficients as usize } else { 1 };
@@ -71,16 +71,14 @@ fn evaluate<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
 
 /// What a row of the matrices makes of light, sixteen functions at a time.
 #[inline(always)]
-fn moment<S: Simd>(inputs: &Inputs<'_>, row: usize) -> [f32; 3] {
+fn moment<'a, S: Simd>(inputs: &Inputs<'a>, row: usize) -> [f32; 3] {
     let functions = inputs.p.functions as usize;
-    let row = &inputs.matrices[row * functions..][..functions];
-    let [red, green, blue] = inputs.light.each_ref().map(|plane| &plane[..functions.div_ceil(LANES)]);
+    let packets = |values: &'a [f32]| values.as_chunks::<LANES>().0;
+    let row = packets(&inputs.matrices[row * functions..][..functions]);
+    let [red, green, blue] = inputs.light.map(|plane| &packets(plane)[..row.len()]);
     let (mut r, mut g, mut b) = (F::<S>::ZERO, F::<S>::ZERO, F::<S>::ZERO);
-    for (n, m) in row.chunks(LANES).enumerate() {
-        let m = match m.first_chunk::<LANES>() {
-            Some(m) => F::of(*m),
-            None => F::of(lanes!(i => if i < m.len() { m[i] } else { 0.0 })),
-        };
+    for (n, m) in row.iter().enumerate() {
+        let m = F::of(*m);
         r = r + m * F::of(red[n]);
         g = g + m * F::of(green[n]);
         b = b + m * F::of(blue[n]);

@@ -68,6 +68,7 @@ fn every_kernel_is_valid_with_and_without_what_is_optional_and_in_slabs() {
                 let variants = [
                     plain,
                     Variant { filtered: true, ..plain },
+                    Variant { filtered: true, fetched: all, known: Some(&nothing), ..plain },
                     Variant { gathers: true, ..plain },
                     Variant { fetched: all, known: Some(&nothing), ..plain },
                     Variant { fetched: fours, known: Some(&nothing), ..plain },

@@ -25,17 +25,26 @@ impl Rig {
     /// # Errors
     /// A device fault.
     pub fn evaluate(&mut self, bands: u32, folded: bool) -> Result<(Stage, u64), DeviceError> {
-        let params = EvaluateParams::new(CLUSTERS, COMPONENTS, bands * bands, FUNCTIONS, folded);
-        let values = u64::from(params.units * params.coefficients * params.functions);
+        let packed = EvaluateParams::packed(FUNCTIONS);
+        let params = EvaluateParams::new(CLUSTERS, COMPONENTS, bands * bands, packed, folded);
+        let rows = u64::from(params.units * params.coefficients);
         let rough = |n: u64| -> Vec<f32> { (0..n).map(|i| (i % 37) as f32 / 37.0 - 0.4).collect() };
+        // What fills the last pack of a row of functions is zero.
+        let functions = |rows: u64| -> Vec<f32> {
+            let mut all = rough(rows * u64::from(packed));
+            for row in all.chunks_mut(packed as usize) {
+                row[FUNCTIONS as usize..].fill(0.0);
+            }
+            all
+        };
         let stage = Evaluate {
             params,
-            matrices: self.fill(&rough(values))?,
-            light: self.fill(&rough(3 * u64::from(FUNCTIONS)))?,
+            matrices: self.fill(&functions(rows))?,
+            light: self.fill(&functions(3))?,
             views: if folded { Some(self.fill(&rough((CLUSTERS * params.coefficients).into()))?) } else { None },
             out: self.make((params.units * params.outputs()).into(), Usage::Work)?,
         };
-        Ok((Stage::Evaluate(stage), values))
+        Ok((Stage::Evaluate(stage), rows * u64::from(FUNCTIONS)))
     }
 
     /// `reconstruct` of bands² moments in all cells of a cube, from one channel or three, for the march to weigh or seen

@@ -15,17 +15,17 @@ use crate::{Case, Record, Subject, check, tolerance};
 pub(crate) fn cases() -> Vec<Case> {
     // Clusters, components, moments, functions, and whether moments are summed.
     let sets = [
-        ("means_alone", 71, 0, 1, 42, false),
-        ("one_function", 70, 0, 4, 1, false),
-        ("one_moment", 16, 4, 1, 162, false),
-        ("whole_packets", 37, 1, 4, 16, false),
-        ("nine_moments", 15, 4, 9, 37, false),
-        ("many_functions", 18, 3, 1, 2562, false),
-        ("ten_bands", 24, 2, 100, 9, false),
-        ("folded", 15, 4, 16, 37, true),
-        ("folded_means", 71, 0, 9, 12, true),
-        ("folded_many_functions", 15, 4, 4, 642, true),
-        ("folded_ten_bands", 24, 2, 100, 9, true),
+        ("means_alone", 71, 0, 1, 48, false),
+        ("one_pack", 70, 0, 4, 16, false),
+        ("one_moment", 16, 4, 1, 176, false),
+        ("two_packs", 37, 1, 4, 32, false),
+        ("nine_moments", 15, 4, 9, 48, false),
+        ("many_functions", 18, 3, 1, 2576, false),
+        ("ten_bands", 24, 2, 100, 16, false),
+        ("folded", 15, 4, 16, 48, true),
+        ("folded_means", 71, 0, 9, 16, true),
+        ("folded_many_functions", 15, 4, 4, 656, true),
+        ("folded_ten_bands", 24, 2, 100, 16, true),
     ];
     let made = |(name, clusters, components, moments, functions, folded): (&str, u32, u32, u32, u32, bool)| {
         let params = EvaluateParams::new(clusters, components, moments, functions, folded);

@@ -181,7 +181,7 @@ fn one(subject: &Subject, record: &mut Record, set: Set) -> Result<(), Failed> {
     })
 }
 
-/// Light through matrices of 4 moments and 12 functions, seen from an eye.
+/// Light through matrices of 4 moments and 16 functions, seen from an eye.
 struct Chain {
     evaluate: EvaluateParams,
     reconstruct: ReconstructParams,
@@ -206,7 +206,7 @@ impl Chain {
             past: 0,
         };
         let reconstruct = set.params();
-        let evaluate = EvaluateParams::new(set.clusters, set.components, reconstruct.coefficients(), 12, false);
+        let evaluate = EvaluateParams::new(set.clusters, set.components, reconstruct.coefficients(), 16, false);
         let values = |seed: u64, n: u32| noise(seed, n as usize);
         Self {
             evaluate,

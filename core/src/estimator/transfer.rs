@@ -3,6 +3,8 @@
 //! A new light is projected on the basis, the clusters' matrices are multiplied with it ([`Evaluate`]), and each cell's
 //! radiance is put together from those of its cluster ([`Reconstruct`]). Nothing of the transport is done again.
 
+use std::iter;
+
 use bytemuck::Zeroable;
 use glam::{DVec3, UVec3};
 
@@ -38,13 +40,13 @@ impl<'a> Relit<'a> {
         // All channels' clusters are evaluated as if they were one channel's.
         let clusters = shape.clusters * channels.len() as u32;
         let folded = self.view == ViewDependence::Cluster && shape.bands > 1;
-        let params = EvaluateParams::new(clusters, shape.components, coefficients, shape.basis.count(), folded);
+        let (functions, packed) = (shape.basis.count(), EvaluateParams::packed(shape.basis.count()));
+        let params = EvaluateParams::new(clusters, shape.components, coefficients, packed, folded);
+        let matrices = self.values(|c| &c.matrices) / u64::from(functions) * u64::from(packed);
         let evaluated = u64::from(params.units) * u64::from(params.outputs());
         let evaluate = Evaluate {
             params,
-            matrices: plan.external("transfer matrices", self.values(|c| &c.matrices), &version, {
-                write_all(channels, |c| &c.matrices)
-            }),
+            matrices: plan.external("transfer matrices", matrices, &version, write_packed(channels, functions)),
             light: self.light(plan),
             views: folded.then(|| plan.table("cluster views", self.cluster_views())),
             out: plan.work("evaluated", evaluated),
@@ -122,9 +124,11 @@ impl<'a> Relit<'a> {
         });
         let lights: Vec<_> = direct.collect();
         let key = (sky, lights, basis, format!("{prefilter:?}"));
-        plan.external("basis light", 3 * u64::from(basis.count()), &key, move |device, buf| {
+        let packed = EvaluateParams::packed(basis.count());
+        plan.external("basis light", 3 * u64::from(packed), &key, move |device, buf| {
             let light = light_of(scene, basis, prefilter).map_err(|error| DeviceError::Invalid(error.to_string()))?;
-            let planes: Vec<f32> = (0..3).flat_map(|c| light.iter().map(move |s| s[c] as f32)).collect();
+            let plane = |c| light.iter().map(move |s| s[c] as f32).chain(iter::repeat(0.0)).take(packed as usize);
+            let planes: Vec<f32> = [0, 1, 2].into_iter().flat_map(plane).collect();
             device.write(buf.id, 0, bytemuck::cast_slice(&planes))
         })
     }
@@ -175,6 +179,30 @@ fn write_all<'a, T: bytemuck::Pod>(
         Ok(())
     }
 }
+
+/// Writes all channels' matrices, whose rows of so many functions are filled up to whole packs.
+fn write_packed(
+    channels: &[Channel],
+    functions: u32,
+) -> impl FnOnce(&mut dyn crate::device::Device, Buf<f32>) -> Result<(), DeviceError> {
+    let (functions, packed) = (functions as usize, EvaluateParams::packed(functions) as usize);
+    move |device, buf| {
+        let (mut at, mut some) = (0, Vec::new());
+        for rows in channels.iter().flat_map(|channel| channel.matrices.chunks(WRITTEN_ROWS * functions)) {
+            some.clear();
+            for row in rows.chunks(functions) {
+                some.extend_from_slice(row);
+                some.resize(some.len() + packed - functions, 0.0_f32);
+            }
+            device.write(buf.id, at, bytemuck::cast_slice(&some))?;
+            at += 4 * some.len() as u64;
+        }
+        Ok(())
+    }
+}
+
+/// Rows of matrices that are copied before they are written: a few MiB.
+const WRITTEN_ROWS: usize = 1024;
 
 /// The coefficients of an environment on a basis.
 fn of_environment(

@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn matrices_turn_light_into_moments_and_views_fold_them() {
-        // Two clusters of a mean and a component, of two moments and three functions.
+        // Two clusters of a mean and a component, of two moments and three functions; the twin needs no whole packs.
         let matrices: Vec<f32> = (0..24u8).map(f32::from).collect();
         let light = [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.5, 0.5, 0.5];
         let inputs = EvaluateInputs { matrices: &matrices, light: &light, views: &[] };

@@ -11,6 +11,9 @@
 //!
 //! I\[u\]\[c\] = Σ_j `views`\[u / per_cluster\]\[j\] · Σ_k M\[u\]\[j\]\[k\] · s\[c\]\[k\].
 //!
+//! Functions are counted in whole packs ([`EvaluateParams::packed`]): those past the light's own are zero in matrices and light.
+//! So rows of all matrices begin at the same place of a vector, and none ends within one.
+//!
 //! The output is RGBA (A zero). The work axis is the moments of all units, or, where folded, the units. A pass takes some
 //! of the moments of a folded unit: the first writes its sum, and each other adds to what the ones before left.
 
@@ -27,7 +30,7 @@ kernel_struct! {
         per_cluster: U32,
         /// Moments of a matrix: its rows.
         coefficients: U32,
-        /// Functions of the light: its columns.
+        /// Functions of the light: its columns, a multiple of [`EvaluateParams::PACK`].
         functions: U32,
         /// 1 to sum the moments of a unit.
         folded: U32,
@@ -56,6 +59,14 @@ pub struct Evaluate {
 }
 
 impl EvaluateParams {
+    /// Functions that a kernel may take at once.
+    pub const PACK: u32 = 16;
+
+    /// So many functions and what fills their last pack.
+    pub fn packed(functions: u32) -> u32 {
+        functions.div_ceil(Self::PACK).saturating_mul(Self::PACK)
+    }
+
     /// Of `clusters` clusters of a mean and `components` components, as one pass.
     pub fn new(clusters: u32, components: u32, coefficients: u32, functions: u32, folded: bool) -> Self {
         let per_cluster = components.saturating_add(1);
@@ -109,6 +120,8 @@ impl Kernel for Evaluate {
         let (moments, functions) = (u64::from(p.coefficients), u64::from(p.functions));
         require!(units > 0 && each > 0 && units.is_multiple_of(each), "{units} matrices in clusters of {each}");
         require!(moments > 0 && functions > 0, "matrices of {moments} moments and {functions} functions");
+        let pack = EvaluateParams::PACK;
+        require!(p.functions.is_multiple_of(pack), "{functions} functions, which are no multiple of {pack}");
         // Kernels count values in 32 bits.
         let values = units.checked_mul(moments * functions).filter(|&n| u32::try_from(n).is_ok());
         require!(
@@ -131,7 +144,8 @@ impl Kernel for Evaluate {
 
     fn passes(&self, turns: u64) -> Result<Vec<Self>, String> {
         let p = &self.params;
-        let each = u64::from(p.functions) + 1;
+        // Kernels whose turns are counted take four functions at one.
+        let each = u64::from(p.functions) / 4 + 1;
         require!(
             each <= turns,
             "a moment of {} functions takes {each} turns of loops, and {turns} are allowed: fewer functions need less",
@@ -156,13 +170,13 @@ mod tests {
     use super::*;
     use crate::device::ResourceId;
 
-    /// Four clusters of three matrices, of 9 moments and 12 functions.
+    /// Four clusters of three matrices, of 9 moments and 48 functions.
     fn evaluate(folded: bool) -> Evaluate {
-        let params = EvaluateParams::new(4, 2, 9, 12, folded);
+        let params = EvaluateParams::new(4, 2, 9, 48, folded);
         Evaluate {
             params,
-            matrices: Buf::new(ResourceId(0), 12 * 9 * 12),
-            light: Buf::new(ResourceId(1), 36),
+            matrices: Buf::new(ResourceId(0), 12 * 9 * 48),
+            light: Buf::new(ResourceId(1), 144),
             views: folded.then(|| Buf::new(ResourceId(2), 36)),
             out: Buf::new(ResourceId(3), (12 * params.outputs()).into()),
         }
@@ -184,7 +198,7 @@ mod tests {
         for folded in [false, true] {
             assert_eq!(evaluate(folded).passes(1000).unwrap(), [evaluate(folded)]);
             let error = evaluate(folded).passes(12).unwrap_err();
-            assert!(error.contains("12 functions"), "{error}");
+            assert!(error.contains("48 functions"), "{error}");
         }
     }
 
@@ -201,9 +215,10 @@ mod tests {
             refused(&|s| s.params.units = 11, "clusters of 3");
             refused(&|s| s.params.per_cluster = 0, "clusters of 0");
             refused(&|s| s.params.functions = 0, "0 functions");
-            refused(&|s| s.params.functions = 13, "13 in");
+            refused(&|s| s.params.functions = 49, "no multiple of 16");
+            refused(&|s| s.params.functions = 64, "64 in");
             refused(&|s| (s.params.units, s.params.functions) = (3 << 20, 1 << 20), "more than 32 bits");
-            refused(&|s| s.light.len = 35, "light");
+            refused(&|s| s.light.len = 143, "light");
             refused(&|s| s.out.len -= 1, "places");
             refused(&|s| s.params.coefficient_end = 10, "moments 0..10");
         }
