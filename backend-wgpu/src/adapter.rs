@@ -162,6 +162,7 @@ pub(crate) fn describe(
     if available.contains(Features::TIMESTAMP_QUERY) {
         features.push("timestamps".into());
     }
+    let known = weight_bits(&info).filter(|_| available.contains(Features::FLOAT32_FILTERABLE));
     DeviceInfo {
         backend: "wgpu",
         index,
@@ -182,8 +183,8 @@ pub(crate) fn describe(
             loop_turns: (info.driver == "llvmpipe").then_some(65_535),
         },
         features,
-        // Of kernels that interpolate themselves; the device that is made tells whether its texture units do.
-        filter_bits: 24,
+        // Of kernels that interpolate themselves; the device that is made tells whether texture units do that state their bits.
+        filter_bits: known.unwrap_or(24),
         // WGSL has no word against it. Mesa's software driver keeps the two apart.
         contracts: info.driver != "llvmpipe",
         unusable: None,

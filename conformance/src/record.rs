@@ -256,9 +256,25 @@ impl Record {
     }
 
     /// The same for what kernels of several builds give: within the tolerance where a device may round a product and a sum
-    /// as one, which its compilers do in one build and not in another; elsewhere bit for bit.
+    /// as one, which its compilers do in one build and not in another, and where texture units interpolate, which are told places
+    /// as shares of textures of several sizes; elsewhere bit for bit.
     pub fn steady_but_contracted(&mut self, name: &str, found: &[f32]) {
-        if self.info.contracts {
+        self.steady_unless(self.info.contracts || self.filters(), name, found);
+    }
+
+    /// The same for what depends on texels beside those that a lookup is for: within the tolerance where texture units weigh them,
+    /// which give what weighs nothing a weight of their last bit; elsewhere bit for bit.
+    pub fn steady_but_filtered(&mut self, name: &str, found: &[f32]) {
+        self.steady_unless(self.filters(), name, found);
+    }
+
+    /// Whether texture units interpolate, in place of kernels.
+    fn filters(&self) -> bool {
+        self.info.filter_bits < 24
+    }
+
+    fn steady_unless(&mut self, differs: bool, name: &str, found: &[f32]) {
+        if differs {
             let hold = |record: &mut Self, name: &str, found: &[f32], first: &[f32]| {
                 record.hold(name, found.iter().copied(), first.iter().copied());
             };

@@ -117,10 +117,15 @@ tolerances! {
         "A sample within a rounding of the border of two cells takes either one's radiance, which differ by some tens of \
          per cents: that moves one pixel by the share of one of its steps, 2·10⁻⁴ of the picture as measured." }
 
-    /// The same picture by kernels of two builds, on a device that may round a product and a sum as one.
+    /// The same picture by kernels of two builds, on a device that may round a product and a sum as one or whose texture units
+    /// interpolate.
     CONTRACTED { 1e-6, 1e-5,
         "One build rounds once where another rounds twice: that moves places by 2⁻²⁴ of up to a hundred voxels in a few \
-         samples, and pictures by 10⁻⁸ as measured." }
+         samples, and pictures by 10⁻⁸ as measured. Shares of textures of two sizes are rounded to other places by as much." }
+
+    /// The same picture with other texels where they weigh nothing, by texture units.
+    WEIGHTLESS { 1e-6, 1e-5,
+        "A texture unit is told places as shares of the texture, good to 2⁻²⁴ of some tens of texels, so that a texel one away may          weigh as much in place of nothing: single values of a picture differ in their last bit as measured." }
 
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }
