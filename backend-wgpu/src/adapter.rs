@@ -120,8 +120,9 @@ pub(crate) fn weight_bits(info: &wgpu::AdapterInfo) -> Option<u32> {
     (info.driver == "llvmpipe" && mesa(&info.driver_info)? >= (23, 3)).then_some(FILTER_BITS)
 }
 
-/// What a filter in floats leaves of 24 bits: a + w (b - a) is rounded three times.
-const FILTER_BITS: u32 = 22;
+/// What texture units that filter in floats leave of a weight: they are told places as shares of the texture, good to 2⁻²⁴, which
+/// is 2⁻¹⁶ of a texel where 256 stand along a side. Places among more texels are as coarse before a kernel looks there.
+const FILTER_BITS: u32 = 16;
 
 /// Version of Mesa in the words of its drivers, "Mesa 25.0.7-2 (LLVM 15.0.6)".
 fn mesa(driver_info: &str) -> Option<(u32, u32)> {

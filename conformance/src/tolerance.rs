@@ -121,11 +121,11 @@ tolerances! {
     /// interpolate.
     CONTRACTED { 1e-6, 1e-5,
         "One build rounds once where another rounds twice: that moves places by 2⁻²⁴ of up to a hundred voxels in a few \
-         samples, and pictures by 10⁻⁸ as measured. Shares of textures of two sizes are rounded to other places by as much." }
+         samples, and pictures by 10⁻⁸ as measured." }
 
     /// The same picture with other texels where they weigh nothing, by texture units.
     WEIGHTLESS { 1e-6, 1e-5,
-        "A texture unit is told places as shares of the texture, good to 2⁻²⁴ of some tens of texels, so that a texel one away may          weigh as much in place of nothing: single values of a picture differ in their last bit as measured." }
+        "A texture unit is told places as shares of the texture, so that a texel one away may weigh a last bit in place of nothing:          single values of a picture differ in their last bit as measured." }
 
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }
