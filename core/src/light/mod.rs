@@ -3,6 +3,7 @@
 mod analytic;
 mod beams;
 mod black_body;
+mod cells;
 mod environment;
 mod prefilter;
 mod projection;

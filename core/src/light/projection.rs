@@ -6,34 +6,29 @@
 //! texels' discrete transform times (2π/W)·sinc²(πm/W).
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
 
 use super::Environment;
+use super::cells::{CellGrid, Cells, in_blocks, neighbour_row, row_weights};
 use crate::basis::quadrature::gauss_legendre;
 use crate::basis::{Basis, SphericalHarmonics, healpix};
 
 /// Linear sRGB (Rec. 709) to luminance.
 pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
-/// Cells of the sub-sampling along a pixel's side, at least: 64 a pixel.
-const CELLS_PER_SIDE: f64 = 8.0;
-
-/// Look-ups along a pixel's side that share out the cells on its edge. With the tips of pixels that reach between two
-/// corners of a cell, which are given to its neighbour, this leaves up to 0.3 % of a pixel's area (n ≤ 8).
-const LOOKUPS_PER_SIDE: f64 = 64.0;
-
 /// The largest side of the cells of [`Environment::moments`], radians: a twentieth of the reach of the narrowest functions,
 /// those of 2562 directions. Where cells are thin, at the poles, that leaves 10⁻³ of an integral.
 const FINE: f64 = 3.1e-3;
 
-/// A piece of the sphere that lies within one texel.
-struct Cell<'a> {
-    direction: DVec3,
-    /// Exact integral of the radiance over the cell, W m⁻².
-    flux: DVec3,
-    /// Pixels that the cell touches, and how much of it each holds; sums to 1.
-    shares: &'a [(usize, f64)],
+/// Adds up moments of parts of the sphere.
+fn add(moments: &mut [[f64; 3]], more: &[[f64; 3]]) {
+    let pairs = moments.as_flattened_mut().iter_mut().zip(more.as_flattened());
+    pairs.for_each(|(sum, more)| *sum += more);
 }
 
 impl Environment {
@@ -44,43 +39,54 @@ impl Environment {
         let rows = self.azimuthal_moments(bands);
         // Nodes that make a trigonometric polynomial of degree `bands` exact over half a row and over a whole one.
         let rule = gauss_legendre(6 + (bands as f64 * PI / h as f64).ceil() as usize);
-        let mut coefficients = vec![DVec3::ZERO; basis.count()];
-        let mut values = vec![0.0; basis.count()];
-        for piece in 0..=h {
-            // From the centre of the row above to the centre of the row below; half as long at the poles.
-            let (above, below) = (piece.saturating_sub(1), piece.min(h - 1));
-            let start = (piece as f64 - 0.5).max(0.0);
-            let end = (piece as f64 + 0.5).min(h as f64);
-            for &(node, weight) in &rule {
-                let row = 0.5 * (start + end) + 0.5 * (end - start) * node;
-                let fraction = row - (piece as f64 - 0.5);
-                let (sin, cos) = (PI * row / h as f64).sin_cos();
-                let weight = weight * 0.5 * (end - start) * PI / h as f64 * sin;
-                // At φ = 0 the functions with m ≥ 0 are their own polar factor.
-                basis.eval(DVec3::new(0.0, cos, sin), &mut values);
-                for m in 0..bands {
-                    let [even, odd] =
-                        [0, 1].map(|i| weight * rows[above * bands + m][i].lerp(rows[below * bands + m][i], fraction));
-                    for l in m..bands {
-                        let polar = values[l * (l + 1) + m];
-                        coefficients[l * (l + 1) + m] += polar * even;
-                        if m > 0 {
-                            coefficients[l * (l + 1) - m] += polar * odd;
+        let mut coefficients = vec![[0.0; 3]; basis.count()];
+        let part = |pieces: Range<usize>| {
+            let mut coefficients = vec![DVec3::ZERO; basis.count()];
+            let mut values = vec![0.0; basis.count()];
+            for piece in pieces {
+                // From the centre of the row above to the centre of the row below; half as long at the poles.
+                let (above, below) = (piece.saturating_sub(1), piece.min(h - 1));
+                let start = (piece as f64 - 0.5).max(0.0);
+                let end = (piece as f64 + 0.5).min(h as f64);
+                for &(node, weight) in &rule {
+                    let row = 0.5 * (start + end) + 0.5 * (end - start) * node;
+                    let fraction = row - (piece as f64 - 0.5);
+                    let (sin, cos) = (PI * row / h as f64).sin_cos();
+                    let weight = weight * 0.5 * (end - start) * PI / h as f64 * sin;
+                    // At φ = 0 the functions with m ≥ 0 are their own polar factor.
+                    basis.eval(DVec3::new(0.0, cos, sin), &mut values);
+                    for m in 0..bands {
+                        let [even, odd] = [0, 1]
+                            .map(|i| weight * rows[above * bands + m][i].lerp(rows[below * bands + m][i], fraction));
+                        for l in m..bands {
+                            let polar = values[l * (l + 1) + m];
+                            coefficients[l * (l + 1) + m] += polar * even;
+                            if m > 0 {
+                                coefficients[l * (l + 1) - m] += polar * odd;
+                            }
                         }
                     }
                 }
             }
-        }
-        coefficients.into_iter().map(|c| (c * self.scale.as_dvec3()).to_array()).collect()
+            coefficients.into_iter().map(|c| c.to_array()).collect::<Vec<_>>()
+        };
+        in_blocks(h + 1, part, |more| add(&mut coefficients, &more));
+        coefficients.into_iter().map(|c| (DVec3::from(c) * self.scale.as_dvec3()).to_array()).collect()
     }
 
     /// ∫ L b_k dω for every function of a basis, RGB: cells of at most 0.18° with their exact flux, and the functions
     /// at their middles. Σ_k over functions that sum to 1 is the exact flux of the whole.
     pub fn moments(&self, basis: &dyn Basis) -> Vec<[f64; 3]> {
         let mut moments = vec![[0.0; 3]; basis.count()];
-        self.for_each_flux(FINE, |direction, flux| {
-            basis.each(direction, &mut |k, v| (0..3).for_each(|c| moments[k][c] += flux[c] * v));
-        });
+        let grid = CellGrid::new(self, FINE);
+        let part = |rows: Range<usize>| {
+            let mut moments = vec![[0.0; 3]; basis.count()];
+            grid.for_each(rows, |_, direction, flux| {
+                basis.each(direction, &mut |k, v| (0..3).for_each(|c| moments[k][c] += flux[c] * v));
+            });
+            moments
+        };
+        in_blocks(grid.rows(), part, |more| add(&mut moments, &more));
         moments
     }
 
@@ -91,18 +97,24 @@ impl Environment {
     pub fn pixel_moments(&self, nside: u32, basis: &dyn Basis) -> Vec<[f64; 3]> {
         let functions = basis.count();
         let mut moments = vec![[0.0; 3]; healpix::count(nside) * functions];
-        let mut values = vec![0.0; functions];
-        self.for_each_cell(nside, |cell| {
-            basis.eval(cell.direction, &mut values);
-            for &(pixel, share) in cell.shares {
-                let flux = cell.flux * share;
-                for (moment, value) in moments[pixel * functions..].iter_mut().zip(&values) {
-                    moment[0] += flux.x * value;
-                    moment[1] += flux.y * value;
-                    moment[2] += flux.z * value;
+        let Some(cells) = Cells::new(self, nside) else { return moments };
+        let part = |rows: Range<usize>| {
+            let mut moments = vec![[0.0; 3]; healpix::count(nside) * functions];
+            let mut values = vec![0.0; functions];
+            cells.for_each(rows, |cell| {
+                basis.eval(cell.direction, &mut values);
+                for &(pixel, share) in cell.shares {
+                    let flux = cell.flux * share;
+                    for (moment, value) in moments[pixel * functions..].iter_mut().zip(&values) {
+                        moment[0] += flux.x * value;
+                        moment[1] += flux.y * value;
+                        moment[2] += flux.z * value;
+                    }
                 }
-            }
-        });
+            });
+            moments
+        };
+        in_blocks(cells.grid.rows(), part, |more| add(&mut moments, &more));
         moments
     }
 
@@ -110,13 +122,21 @@ impl Environment {
     /// pixel's centre where it is dark. A sun smaller than a pixel is found where it stands.
     pub fn pixel_centroids(&self, nside: u32) -> Vec<DVec3> {
         let mut sums = vec![DVec3::ZERO; healpix::count(nside)];
-        self.for_each_cell(nside, |cell| {
-            let luminance = cell.flux.dot(LUMINANCE);
-            for &(pixel, share) in cell.shares {
-                sums[pixel] += cell.direction * (luminance * share);
-            }
-        });
         let centers = healpix::directions(nside);
+        let Some(cells) = Cells::new(self, nside) else { return centers };
+        let part = |rows: Range<usize>| {
+            let mut sums = vec![DVec3::ZERO; healpix::count(nside)];
+            cells.for_each(rows, |cell| {
+                let luminance = cell.flux.dot(LUMINANCE);
+                for &(pixel, share) in cell.shares {
+                    sums[pixel] += cell.direction * (luminance * share);
+                }
+            });
+            sums
+        };
+        in_blocks(cells.grid.rows(), part, |more| {
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        });
         sums.iter().zip(centers).map(|(sum, center)| sum.try_normalize().unwrap_or(center)).collect()
     }
 
@@ -141,7 +161,7 @@ impl Environment {
     }
 
     /// φ where u = 0.
-    fn azimuth_of_seam(&self) -> f64 {
+    pub(super) fn azimuth_of_seam(&self) -> f64 {
         PI + self.rotation.to_radians()
     }
 
@@ -149,192 +169,40 @@ impl Environment {
     fn azimuthal_moments(&self, orders: usize) -> Vec<[DVec3; 2]> {
         let image = self.image();
         let w = image.width as usize;
-        let phase: Vec<(f64, f64)> =
-            (0..w).map(|a| (self.azimuth_of_seam() - 2.0 * PI * (a as f64 + 0.5) / w as f64).sin_cos()).collect();
-        let mut moments = vec![[DVec3::ZERO; 2]; image.height as usize * orders];
-        for (row, texels) in moments.chunks_exact_mut(orders).zip(image.texels.chunks_exact(w)) {
-            for (texel, &(sin, cos)) in texels.iter().zip(&phase) {
-                let value = DVec3::from(texel.map(f64::from));
-                let (mut c, mut s) = (1.0, 0.0);
-                for moment in row.iter_mut() {
-                    moment[0] += value * c;
-                    moment[1] += value * s;
-                    (c, s) = (c * cos - s * sin, s * cos + c * sin);
-                }
-            }
-            for (m, moment) in row.iter_mut().enumerate() {
+        // A turn of the sphere, to the middle of the first texel, turns every order by a multiple of its angle.
+        let first = self.azimuth_of_seam() - PI / w as f64;
+        let factors: Vec<Complex<f64>> = (0..orders)
+            .map(|m| {
                 let x = PI * m as f64 / w as f64;
                 let sinc = if m == 0 { 1.0 } else { x.sin() / x };
-                let factor = 2.0 * PI / w as f64 * sinc * sinc;
-                *moment = moment.map(|v| v * factor);
-            }
-        }
+                Complex::from_polar(2.0 * PI / w as f64 * sinc * sinc, m as f64 * first)
+            })
+            .collect();
+        let transform = FftPlanner::new().plan_fft_forward(w);
+        let mut moments = vec![[DVec3::ZERO; 2]; image.height as usize * orders];
+        let rows = moments.par_chunks_exact_mut(orders).zip(image.texels.par_chunks_exact(w));
+        rows.for_each_init(
+            || (vec![Complex::default(); w], vec![Complex::default(); transform.get_inplace_scratch_len()]),
+            |(values, scratch), (row, texels)| {
+                for c in 0..3 {
+                    values.iter_mut().zip(texels).for_each(|(value, texel)| *value = f64::from(texel[c]).into());
+                    transform.process_with_scratch(values, scratch);
+                    for ((moment, factor), m) in row.iter_mut().zip(&factors).zip(0..) {
+                        let found = factor * values[m % w];
+                        (moment[0][c], moment[1][c]) = (found.re, found.im);
+                    }
+                }
+            },
+        );
         moments
-    }
-
-    /// Cuts the sphere into cells and visits those that are not dark.
-    fn for_each_cell(&self, nside: u32, mut visit: impl FnMut(&Cell<'_>)) {
-        if nside == 0 {
-            return;
-        }
-        let side = healpix::side(nside);
-        let grid = CellGrid::new(self, side / CELLS_PER_SIDE);
-        let refine = (grid.width.max(grid.height) / (side / LOOKUPS_PER_SIDE)).ceil() as usize;
-        let phi = |column: f64| grid.azimuth(column);
-        // The pixels at the cells' corners, on the upper and the lower edge of a row of cells.
-        let edge = |row: usize| -> Vec<usize> {
-            let (sin, cos) = (grid.height * row as f64).sin_cos();
-            (0..=grid.columns).map(|c| healpix::pixel_at(nside, cos, sin, phi(c as f64))).collect()
-        };
-        let mut edges = (0, edge(0), edge(1));
-        let mut shares = Vec::new();
-        grid.for_each(|[row, column], direction, flux| {
-            if edges.0 != row {
-                let upper = if edges.0 + 1 == row { std::mem::take(&mut edges.2) } else { edge(row) };
-                edges = (row, upper, edge(row + 1));
-            }
-            let (_, upper, lower) = &edges;
-            let corners = [upper[column], upper[column + 1], lower[column], lower[column + 1]];
-            shares.clear();
-            if corners.iter().all(|&c| c == corners[0]) {
-                shares.push((corners[0], 1.0));
-            } else {
-                share_out(nside, [row, column], refine, grid.height, phi, &mut shares);
-            }
-            visit(&Cell { direction, flux, shares: &shares });
-        });
     }
 
     /// Visits cells of at most `size` radians that are not dark: the direction in the middle of each, and the exact
     /// integral of the radiance over it, W m⁻².
     pub(super) fn for_each_flux(&self, size: f64, mut visit: impl FnMut(DVec3, DVec3)) {
-        CellGrid::new(self, size).for_each(|_, direction, flux| visit(direction, flux));
+        let grid = CellGrid::new(self, size);
+        grid.for_each(0..grid.rows(), |_, direction, flux| visit(direction, flux));
     }
-}
-
-/// The sphere in cells, each of which lies within one texel.
-struct CellGrid<'a> {
-    environment: &'a Environment,
-    /// Cells of a texel along each axis.
-    cuts: [usize; 2],
-    columns: usize,
-    /// Radians of azimuth, and from pole to pole.
-    width: f64,
-    height: f64,
-}
-
-impl<'a> CellGrid<'a> {
-    /// Cells of at most `size` radians a side.
-    fn new(environment: &'a Environment, size: f64) -> Self {
-        let (w, h) = (environment.image().width as usize, environment.image().height as usize);
-        let cuts = [2.0 * PI / w as f64, PI / h as f64].map(|texel| (texel / size).ceil().max(1.0) as usize);
-        let (columns, rows) = (w * cuts[0], h * cuts[1]);
-        Self { environment, cuts, columns, width: 2.0 * PI / columns as f64, height: PI / rows as f64 }
-    }
-
-    /// φ at a place along a row, in cells.
-    fn azimuth(&self, column: f64) -> f64 {
-        self.environment.azimuth_of_seam() - self.width * column
-    }
-
-    /// Visits the cells that are not dark, row by row: row and column, the middle, the flux.
-    fn for_each(&self, mut visit: impl FnMut([usize; 2], DVec3, DVec3)) {
-        let image = self.environment.image();
-        let (w, h) = (image.width as usize, image.height as usize);
-        let [cuts_u, cuts_v] = self.cuts;
-        let middles: Vec<(f64, f64)> = (0..self.columns).map(|c| self.azimuth(c as f64 + 0.5).sin_cos()).collect();
-        let hats: Vec<[f64; 3]> = (0..cuts_u).map(|q| hat_means(cuts_u, q)).collect();
-        let mut blended = vec![DVec3::ZERO; w];
-        let scale = self.environment.scale.as_dvec3() / self.columns as f64;
-        for row in 0..h * cuts_v {
-            let weights = row_weights(h, cuts_v, row);
-            let lines = [0, 1, 2].map(|i| &image.texels[neighbour_row(row / cuts_v, i, h) * w..][..w]);
-            for (a, value) in blended.iter_mut().enumerate() {
-                let line = |i: usize| weights[i] * DVec3::from(lines[i][a].map(f64::from));
-                *value = (line(0) + line(1) + line(2)) * scale;
-            }
-            // The mean of cos θ over the cell, which divides its area in halves.
-            let y = 0.5 * ((self.height * row as f64).cos() + (self.height * (row + 1) as f64).cos());
-            let planar = ((1.0 - y) * (1.0 + y)).sqrt();
-            for a in 0..w {
-                let near = [blended[(a + w - 1) % w], blended[a], blended[(a + 1) % w]];
-                for (q, hat) in hats.iter().enumerate() {
-                    let flux = hat[0] * near[0] + hat[1] * near[1] + hat[2] * near[2];
-                    if flux == DVec3::ZERO {
-                        continue;
-                    }
-                    let column = a * cuts_u + q;
-                    let (sin, cos) = middles[column];
-                    visit([row, column], DVec3::new(planar * sin, y, planar * cos), flux);
-                }
-            }
-        }
-    }
-}
-
-/// Which pixels hold how much of the cell at \[row, column\], by `refine` squared look-ups.
-fn share_out(
-    nside: u32,
-    [row, column]: [usize; 2],
-    refine: usize,
-    height: f64,
-    phi: impl Fn(f64) -> f64,
-    shares: &mut Vec<(usize, f64)>,
-) {
-    let at = |i: usize| (i as f64 + 0.5) / refine as f64;
-    let total: f64 = (0..refine).map(|i| (height * (row as f64 + at(i))).sin()).sum();
-    for i in 0..refine {
-        let (sin, cos) = (height * (row as f64 + at(i))).sin_cos();
-        let share = sin / (total * refine as f64);
-        for j in 0..refine {
-            let pixel = healpix::pixel_at(nside, cos, sin, phi(column as f64 + at(j)));
-            match shares.iter_mut().find(|(p, _)| *p == pixel) {
-                Some((_, sum)) => *sum += share,
-                None => shares.push((pixel, share)),
-            }
-        }
-    }
-}
-
-/// The row above, the row itself, the row below (i = 0, 1, 2), clamped.
-fn neighbour_row(row: usize, i: usize, h: usize) -> usize {
-    (row + i).saturating_sub(1).min(h - 1)
-}
-
-/// Mean, over the q-th of `cuts` equal parts of a texel, of the three linear interpolation weights.
-fn hat_means(cuts: usize, q: usize) -> [f64; 3] {
-    let [before, after] = sides_of_center(cuts, q).map(|(start, end)| {
-        // ∫ |t| dt over a part on one side of the centre.
-        0.5 * (end * end - start * start).abs() * cuts as f64
-    });
-    [before, 1.0 - before - after, after]
-}
-
-/// Solid-angle integrals 2π ∫ hat sin θ dθ of the three rows' interpolation weights, over row `row` of `cuts`·`h`.
-fn row_weights(h: usize, cuts: usize, row: usize) -> [f64; 3] {
-    let (texel, q) = (row / cuts, row % cuts);
-    let mut weights = [0.0; 3];
-    for (side, (start, end)) in sides_of_center(cuts, q).into_iter().enumerate() {
-        if end <= start {
-            continue;
-        }
-        // A part is at most π/2 long, where the rule integrates t·sin θ to rounding.
-        for (node, weight) in gauss_legendre(10) {
-            let t = 0.5 * (start + end) + 0.5 * (end - start) * node;
-            let theta = PI * (texel as f64 + 0.5 + t) / h as f64;
-            let weight = weight * 0.5 * (end - start) * 2.0 * PI * PI / h as f64 * theta.sin();
-            weights[1] += weight * (1.0 - t.abs());
-            weights[2 * side] += weight * t.abs();
-        }
-    }
-    weights
-}
-
-/// The q-th of `cuts` equal parts of a texel that reaches from -½ to ½, cut at its centre: what lies before, what
-/// lies after. Either may be empty.
-fn sides_of_center(cuts: usize, q: usize) -> [(f64, f64); 2] {
-    let (start, end) = (q as f64 / cuts as f64 - 0.5, (q + 1) as f64 / cuts as f64 - 0.5);
-    [(start.min(0.0), end.min(0.0)), (start.max(0.0), end.max(0.0))]
 }
 
 #[cfg(test)]
@@ -400,6 +268,22 @@ mod tests {
             let mean = environment.mean_radiance();
             let constant = DVec3::from(found[0]) / (4.0 * PI).sqrt();
             assert!((mean - constant).length() < 1e-13 * mean.length(), "{mean} {constant}");
+        }
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_threads() {
+        let (environment, basis) = (picture(90, 45), harmonics(4));
+        let all = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let moments = [environment.moments(&basis), environment.pixel_moments(2, &basis)];
+                (environment.project_sh(&basis), moments, environment.pixel_centroids(4))
+            })
+        };
+        let one = all(1);
+        for threads in [2, 3, 40] {
+            assert_eq!(all(threads), one, "{threads} threads");
         }
     }
 
