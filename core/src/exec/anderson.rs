@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::vectors::{add, map, product};
+
 /// Anderson's acceleration (Anderson 1965; Walker and Ni 2011): the next x is the combination of the last K(x) whose
 /// residuals K(x) - x, combined with the same weights, are the least in the mean square. For a linear K it does as well as
 /// GMRES over that many steps, and it needs K alone.
@@ -25,7 +27,7 @@ const RIDGE: f64 = 1e-10;
 impl Anderson {
     /// The next x from `x` and `image` = K(x).
     pub(super) fn next(&mut self, x: &[f32], image: Vec<f32>) -> Vec<f32> {
-        let residual: Vec<f32> = image.iter().zip(x).map(|(y, x)| y - x).collect();
+        let residual = map(&image, x, |y, x| y - x);
         if self.known.len() == DEPTH {
             self.known.pop_front();
             self.products.pop_front();
@@ -41,8 +43,7 @@ impl Anderson {
         let weights = self.weights();
         let mut next = vec![0.0f32; x.len()];
         for ((image, _), weight) in self.known.iter().zip(weights) {
-            let weight = weight as f32;
-            next.iter_mut().zip(image).for_each(|(next, image)| *next += weight * image);
+            add(&mut next, weight as f32, image);
         }
         next
     }
@@ -59,13 +60,6 @@ impl Anderson {
         let last = || DVector::from_fn(n, |i, _| f64::from(u8::from(i + 1 == n)));
         weights.unwrap_or_else(last).iter().copied().collect()
     }
-}
-
-/// Σ a b, in parts so that sums of 32-bit products stay short.
-pub(super) fn product(a: &[f32], b: &[f32]) -> f64 {
-    const PART: usize = 64;
-    let part = |(a, b): (&[f32], &[f32])| f64::from(a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>());
-    a.chunks(PART).zip(b.chunks(PART)).map(part).sum()
 }
 
 #[cfg(test)]

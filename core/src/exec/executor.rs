@@ -10,6 +10,7 @@ use super::key::Key;
 use super::paths::PathsRun;
 use super::plan::{Declared, Node, Plan, Slots, Work};
 use super::solve::{Iteration, Solve, Solved};
+use super::vectors;
 use crate::device::{Buf, Bytes, Device, DeviceError, FieldSpec, ResourceId, ResourceSpec};
 use crate::stage::Stage;
 
@@ -424,10 +425,8 @@ impl Run<'_> {
         let mut values = vec![0.0f32; source.len as usize];
         for part in parts {
             self.fetch(name, part.light, &mut values)?;
-            for ((b, share), light) in unscattered.iter_mut().zip(&mut share).zip(&values) {
-                *b += part.source * light;
-                *share += part.out * light;
-            }
+            vectors::add(&mut unscattered, part.source, &values);
+            vectors::add(&mut share, part.out, &values);
         }
         let mut iteration = Iteration::new(orders, unscattered);
         let solved: Solved = loop {
@@ -438,7 +437,7 @@ impl Run<'_> {
                 break solved;
             }
         };
-        values.iter_mut().zip(&share).for_each(|(x, share)| *x += share);
+        vectors::add(&mut values, 1.0, &share);
         self.report.solved.push(solved);
         self.put(name, out, &values)
     }

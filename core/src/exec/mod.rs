@@ -19,6 +19,7 @@ mod precompute;
 mod renderer;
 mod solve;
 mod surfaces;
+mod vectors;
 
 pub use error::{ExecError, RenderError};
 pub use executor::{Executor, Hooks, Progress, Report, StageRun};

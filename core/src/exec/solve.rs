@@ -1,6 +1,7 @@
 //! Light that is scattered again and again: x = K(b + x).
 
-use super::anderson::{self, Anderson, product};
+use super::anderson::{self, Anderson};
+use super::vectors::{map, product};
 use crate::device::Buf;
 use crate::scene::Orders;
 use crate::stage::Stage;
@@ -76,14 +77,13 @@ impl Iteration {
 
     /// b + x.
     pub(super) fn source(&self) -> Vec<f32> {
-        self.unscattered.iter().zip(&self.x).map(|(b, x)| b + x).collect()
+        map(&self.unscattered, &self.x, |b, x| b + x)
     }
 
     /// Takes K(b + x): how it went, where that is the solution.
     pub(super) fn take(&mut self, image: &[f32]) -> Option<Solved> {
         self.sweeps += 1;
-        let change: Vec<f32> = image.iter().zip(&self.x).map(|(y, x)| y - x).collect();
-        let all: Vec<f32> = image.iter().zip(&self.unscattered).map(|(y, b)| y + b).collect();
+        let (change, all) = (map(image, &self.x, |y, x| y - x), map(image, &self.unscattered, |y, b| y + b));
         let (changed, whole) = (product(&change, &change), product(&all, &all));
         let residual = if changed > 0.0 { (changed / whole).sqrt() } else { 0.0 };
         let (done, converged) = match self.orders {
