@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::vectors::{add, map, product};
+use super::vectors::{add, each, map, product};
 
 /// Anderson's acceleration (Anderson 1965; Walker and Ni 2011): the next x is the combination of the last K(x) whose
 /// residuals K(x) - x, combined with the same weights, are the least in the mean square. For a linear K it does as well as
@@ -25,27 +25,29 @@ pub(super) const DEPTH: usize = 6;
 const RIDGE: f64 = 1e-10;
 
 impl Anderson {
-    /// The next x from `x` and `image` = K(x).
-    pub(super) fn next(&mut self, x: &[f32], image: Vec<f32>) -> Vec<f32> {
-        let residual = map(&image, x, |y, x| y - x);
+    /// Makes `x` the next one from x and `image` = K(x).
+    pub(super) fn next(&mut self, x: &mut [f32], image: &[f32]) {
+        // What is forgotten leaves its memory.
+        let (mut kept, mut residual) = (Vec::new(), Vec::new());
         if self.known.len() == DEPTH {
-            self.known.pop_front();
+            (kept, residual) = self.known.pop_front().unwrap_or_default();
             self.products.pop_front();
             for row in &mut self.products {
                 row.pop_front();
             }
         }
+        map(&mut residual, image, x, |y, x| y - x);
+        map(&mut kept, image, x, |y, _| y);
         let mut row: VecDeque<f64> = self.known.iter().map(|(_, other)| product(other, &residual)).collect();
         self.products.iter_mut().zip(&row).for_each(|(known, &new)| known.push_back(new));
         row.push_back(product(&residual, &residual));
         self.products.push_back(row);
-        self.known.push_back((image, residual));
+        self.known.push_back((kept, residual));
         let weights = self.weights();
-        let mut next = vec![0.0f32; x.len()];
+        each(x, |_, x| x.fill(0.0));
         for ((image, _), weight) in self.known.iter().zip(weights) {
-            add(&mut next, weight as f32, image);
+            add(x, weight as f32, image);
         }
-        next
     }
 
     /// Weights of sum 1 that make the combined residual least: the solution of G w = 1, scaled.
@@ -85,7 +87,11 @@ mod tests {
                 if residual(&x, &y) < 1e-5 {
                     return step;
                 }
-                x = if accelerated { anderson.next(&x, y) } else { y };
+                if accelerated {
+                    anderson.next(&mut x, &y);
+                } else {
+                    x = y;
+                }
             }
             2000
         };
@@ -98,8 +104,13 @@ mod tests {
         let mut anderson = Anderson::default();
         let x = vec![0.5f32; 9];
         for _ in 0..10 {
-            assert_eq!(anderson.next(&x, x.clone()), x);
+            let mut next = x.clone();
+            anderson.next(&mut next, &x);
+            assert_eq!(next, x);
         }
-        assert_eq!(anderson.next(&[0.0; 9], vec![f32::NAN; 9]).len(), 9);
+        // What is no number is not hidden.
+        let mut next = vec![0.0; 9];
+        anderson.next(&mut next, &[f32::NAN; 9]);
+        assert!(next.iter().all(|v| v.is_nan()));
     }
 }

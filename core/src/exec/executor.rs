@@ -430,7 +430,7 @@ impl Run<'_> {
         }
         let mut iteration = Iteration::new(orders, unscattered);
         let solved: Solved = loop {
-            self.put(name, source, &iteration.source())?;
+            self.put(name, source, iteration.source())?;
             self.dispatch(&passes, hooks)?;
             self.fetch(name, scattered, &mut values)?;
             if let Some(solved) = iteration.take(&values) {

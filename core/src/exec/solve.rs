@@ -1,7 +1,7 @@
 //! Light that is scattered again and again: x = K(b + x).
 
 use super::anderson::{self, Anderson};
-use super::vectors::{map, product};
+use super::vectors::{map, sum};
 use crate::device::Buf;
 use crate::scene::Orders;
 use crate::stage::Stage;
@@ -53,6 +53,8 @@ pub(super) struct Iteration {
     orders: Orders,
     unscattered: Vec<f32>,
     x: Vec<f32>,
+    /// b + x, once it was asked for.
+    source: Vec<f32>,
     anderson: Anderson,
     sweeps: u32,
 }
@@ -72,19 +74,20 @@ impl Iteration {
     /// From nothing scattered yet.
     pub(super) fn new(orders: Orders, unscattered: Vec<f32>) -> Self {
         let x = vec![0.0; unscattered.len()];
-        Self { orders, unscattered, x, anderson: Anderson::default(), sweeps: 0 }
+        Self { orders, unscattered, x, source: Vec::new(), anderson: Anderson::default(), sweeps: 0 }
     }
 
     /// b + x.
-    pub(super) fn source(&self) -> Vec<f32> {
-        map(&self.unscattered, &self.x, |b, x| b + x)
+    pub(super) fn source(&mut self) -> &[f32] {
+        map(&mut self.source, &self.unscattered, &self.x, |b, x| b + x);
+        &self.source
     }
 
     /// Takes K(b + x): how it went, where that is the solution.
     pub(super) fn take(&mut self, image: &[f32]) -> Option<Solved> {
         self.sweeps += 1;
-        let (change, all) = (map(image, &self.x, |y, x| y - x), map(image, &self.unscattered, |y, b| y + b));
-        let (changed, whole) = (product(&change, &change), product(&all, &all));
+        let changed = sum(image, &self.x, |y, x| (y - x) * (y - x));
+        let whole = sum(image, &self.unscattered, |y, b| (y + b) * (y + b));
         let residual = if changed > 0.0 { (changed / whole).sqrt() } else { 0.0 };
         let (done, converged) = match self.orders {
             Orders::Count(orders) => (self.sweeps + 1 >= orders, true),
@@ -96,10 +99,10 @@ impl Iteration {
         if done {
             return Some(Solved { sweeps: self.sweeps, residual, converged });
         }
-        self.x = match self.orders {
-            Orders::Count(_) => image.to_vec(),
-            Orders::Converged { .. } => self.anderson.next(&self.x, image.to_vec()),
-        };
+        match self.orders {
+            Orders::Count(_) => self.x.copy_from_slice(image),
+            Orders::Converged { .. } => self.anderson.next(&mut self.x, image),
+        }
         None
     }
 }

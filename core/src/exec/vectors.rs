@@ -10,7 +10,7 @@ const CHUNK: usize = 1 << 14;
 /// Lanes of a sum, which processors add side by side.
 const LANES: usize = 16;
 
-/// Products of a lane that are summed in 32 bits.
+/// Values of a lane that are summed in 32 bits.
 const SHORT: usize = 16;
 
 /// Hands `of` parts of a vector, with where they begin.
@@ -21,14 +21,13 @@ pub(super) fn each(vector: &mut [f32], of: impl Fn(usize, &mut [f32]) + Sync) {
     vector.par_chunks_mut(CHUNK).enumerate().for_each(|(n, part)| of(n * CHUNK, part));
 }
 
-/// `of` of the values of two vectors.
-pub(super) fn map(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> f32 + Sync) -> Vec<f32> {
-    let mut out = vec![0.0; a.len()];
-    each(&mut out, |first, out| {
+/// Makes `out` what `of` makes of the values of two vectors as long.
+pub(super) fn map(out: &mut Vec<f32>, a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> f32 + Sync) {
+    out.resize(a.len(), 0.0);
+    each(out, |first, out| {
         let pairs = a[first..].iter().zip(&b[first..]);
         out.iter_mut().zip(pairs).for_each(|(out, (&a, &b))| *out = of(a, b));
     });
-    out
 }
 
 /// Adds `factor` times a vector.
@@ -36,10 +35,15 @@ pub(super) fn add(sum: &mut [f32], factor: f32, vector: &[f32]) {
     each(sum, |first, sum| sum.iter_mut().zip(&vector[first..]).for_each(|(sum, v)| *sum += factor * v));
 }
 
-/// Σ a b, in parts so that sums of 32-bit products stay short.
+/// Σ a b.
 pub(super) fn product(a: &[f32], b: &[f32]) -> f64 {
+    sum(a, b, |a, b| a * b)
+}
+
+/// Σ `of`(a, b), in parts so that sums in 32 bits stay short.
+pub(super) fn sum(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> f32 + Sync) -> f64 {
     let len = a.len().min(b.len());
-    let part = |range: Range<usize>| part(&a[range.clone()], &b[range]);
+    let part = |range: Range<usize>| part(&a[range.clone()], &b[range], &of);
     if len <= CHUNK {
         return part(0..len);
     }
@@ -48,14 +52,14 @@ pub(super) fn product(a: &[f32], b: &[f32]) -> f64 {
     parts.iter().sum()
 }
 
-fn part(a: &[f32], b: &[f32]) -> f64 {
+fn part(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> f32) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
-    let mut sum: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| f64::from(a * b)).sum();
+    let mut sum: f64 = a_rest.iter().zip(b_rest).map(|(&a, &b)| f64::from(of(a, b))).sum();
     for (a, b) in a.chunks(SHORT).zip(b.chunks(SHORT)) {
         let mut lanes = [0.0f32; LANES];
         for (a, b) in a.iter().zip(b) {
-            for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-                *lane += a * b;
+            for (lane, (&a, &b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
+                *lane += of(a, b);
             }
         }
         sum += lanes.iter().map(|&lane| f64::from(lane)).sum::<f64>();
@@ -92,13 +96,15 @@ mod tests {
         for threads in [1, 2, 5] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                assert_eq!(map(&a, &b, |a, b| a - b), expected);
+                let mut found = vec![7.0; 3];
+                map(&mut found, &a, &b, |a, b| a - b);
+                assert_eq!(found, expected);
                 assert_eq!(product(&a, &b), parts_in_order(&a, &b));
             });
         }
     }
 
     fn parts_in_order(a: &[f32], b: &[f32]) -> f64 {
-        a.chunks(CHUNK).zip(b.chunks(CHUNK)).map(|(a, b)| part(a, b)).sum()
+        a.chunks(CHUNK).zip(b.chunks(CHUNK)).map(|(a, b)| part(a, b, |a, b| a * b)).sum()
     }
 }
