@@ -154,7 +154,12 @@ fn sun(turn: f64) -> Option<Light> {
 
 /// A blue gradient with a bright patch.
 fn sky() -> Environment {
-    let (width, height) = (64u32, 32u32);
+    sky_of(32)
+}
+
+/// A sky of so many rows, and twice as many columns.
+pub(crate) fn sky_of(height: u32) -> Environment {
+    let width = 2 * height;
     let texels = (0..width * height).map(|n| {
         let (x, y) = ((n % width) as f32 / width as f32, (n / width) as f32 / height as f32);
         let patch = 5.0 * (1.0 - 8.0 * ((x - 0.3).powi(2) + (y - 0.25).powi(2)).sqrt()).max(0.0);

@@ -180,7 +180,8 @@ mod tests {
     fn curves_and_series_are_named_once_and_points_grow() {
         let curves = curves();
         let names: Vec<_> = curves.iter().map(|curve| curve.name).collect();
-        let wanted = ["voxels", "cells", "directions", "lights", "gaussians", "basis-lights", "pixels", "threads"];
+        let wanted =
+            ["voxels", "cells", "directions", "lights", "gaussians", "basis-lights", "sky", "pixels", "threads"];
         assert_eq!(names, wanted);
         for curve in &curves {
             assert!(curve.points.is_sorted_by(|a, b| a.at < b.at), "{}", curve.name);

@@ -12,6 +12,7 @@ use airlight::scene::{
 };
 
 use super::{Curve, Point, Series};
+use crate::frames::sky_of;
 use crate::steady::{Frames, Making, MakingPart, Part, Work};
 use crate::transfers::{CLUSTERS, COMPONENTS, arbitrary};
 use crate::volume::{EYE, Volume};
@@ -27,6 +28,7 @@ pub(super) fn all(small: u32, cores: u32) -> Vec<Curve> {
         size.lights(),
         size.gaussians(),
         size.basis_lights(),
+        size.sky(),
         size.pixels(),
         size.threads(cores),
     ]
@@ -247,6 +249,28 @@ impl Size {
                 ),
                 series("evaluate", 1.0, "a product each in every cluster", move |functions| {
                     stages(turned(relit(functions)), &["evaluate"])
+                }),
+            ],
+            threads: false,
+        }
+    }
+
+    fn sky(self) -> Curve {
+        let under = move |height, estimate| {
+            let scene = Scene { environment: Some(sky_of(height)), ..self.scene(estimate) };
+            Work::Frames(turned(scene).part(Part { uploads: true, stages: &[] }))
+        };
+        Curve {
+            name: "sky",
+            title: "Texels of a sky that turns in every frame; what the host makes of it.",
+            points: [128, 256, 512, 1024, 2048].map(|n| self.side(n)).map(|n| point(n, 2 * u64::from(n).pow(2))).into(),
+            series: vec![
+                series("light of records", 1.0, "every texel is in the integrals", move |height| {
+                    under(height, swept(self.side(20), 48))
+                }),
+                series("light of scattering", 1.0, "every texel is in a pixel's integrals", move |height| {
+                    let Estimate { scattering, .. } = scattering(self.side(20), 48);
+                    under(height, Estimate { scattering, ..swept(self.side(20), 48) })
                 }),
             ],
             threads: false,
