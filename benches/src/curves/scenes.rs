@@ -319,7 +319,7 @@ impl Size {
                 series("scattering", -1.0, SHARED, move |_| {
                     stages(lamps(self.scene(scattering(cells, 48)), 1), &["sweep"])
                 }),
-                series("a whole frame", -1.0, "the host's part is one thread's", move |_| {
+                series("a whole frame", -1.0, "most of the host's part is one thread's", move |_| {
                     Work::Frames(thicker(seen(256, swept(cells, 48))))
                 }),
             ],
