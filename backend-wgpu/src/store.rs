@@ -146,8 +146,8 @@ impl Store {
         Ok(shapes)
     }
 
-    /// What a stage reads as storage textures, as many as there may be: fields, unless they are one texture that is `sampled`, then buffers that are
-    /// there and fit a texture, four words at a time those of `fours`; and textures of our own.
+    /// What a stage reads as storage textures, as many as there may be: fields, unless they are one texture that is `sampled`,
+    /// then buffers that are there and fit a texture, four words at a time those of `fours`; and textures of our own.
     pub(crate) fn fetched(
         &self,
         shapes: &[Shape],

@@ -125,7 +125,8 @@ tolerances! {
 
     /// The same picture with other texels where they weigh nothing, by texture units.
     WEIGHTLESS { 1e-6, 1e-5,
-        "A texture unit is told places as shares of the texture, so that a texel one away may weigh a last bit in place of nothing:          single values of a picture differ in their last bit as measured." }
+        "A texture unit is told places as shares of the texture, so that a texel one away may weigh a last bit in place of nothing: \
+         single values of a picture differ in their last bit as measured." }
 
     /// Pictures of a homogeneous medium without a shadow (Beer–Lambert, emission).
     CLOSED { 1e-5, 1e-5, "Nothing but f32 along some hundred steps, where the steps themselves are exact." }

@@ -16,6 +16,7 @@ pub mod host;
 pub mod light;
 pub mod media;
 pub mod metric;
+mod once;
 pub mod random;
 pub mod reference;
 pub mod scene;

@@ -18,6 +18,7 @@ use super::projection::LUMINANCE;
 use super::{Beams, Environment, Image};
 use crate::Version;
 use crate::basis::SphericalHarmonics;
+use crate::once::once;
 
 /// The farthest that a texel of the sun may be from the brightest, radians: a disc of half of it is taken whole
 /// wherever in it the brightest texel is.
@@ -100,7 +101,7 @@ impl Environment {
     /// The environment without its sun, and the sun; none where nothing compact stands out. Worked out once for a
     /// picture, whatever scale and rotation.
     pub fn split(&self) -> Option<Split> {
-        let parts = self.content.parts.get_or_init(|| parts(&self.content)).as_ref()?;
+        let parts = once(&self.content.parts, || parts(&self.content)).as_ref()?;
         let scale = self.scale.as_dvec3();
         let luminance = |rgb: DVec3| (rgb * scale).dot(LUMINANCE);
         let moment = DVec3::from(parts.moments.map(luminance));
@@ -123,7 +124,7 @@ impl Environment {
     /// light's own. By Funk–Hecke and Parseval it is a sum over bands, and turning the environment does not change it.
     /// Light that is moved from the sun's disc to its middle counts as an error too.
     pub fn cost(&self, kernel: &[f64], bands: u32) -> Option<Cost> {
-        let parts = self.content.parts.get_or_init(|| parts(&self.content)).as_ref()?;
+        let parts = once(&self.content.parts, || parts(&self.content)).as_ref()?;
         let scale = self.scale.as_dvec3();
         let luminance = |rgb: &[f64; 3]| (DVec3::from(*rgb) * scale).dot(LUMINANCE);
         let plain = Self { rotation: 0.0, ..self.clone() };
@@ -152,7 +153,7 @@ impl Environment {
 impl Content {
     /// Coefficients of the first [`BANDS`] bands, neither scaled nor turned.
     fn spectrum(self: &Arc<Self>) -> &[[f64; 3]] {
-        self.spectrum.get_or_init(|| plain(self).project_sh(&harmonics(BANDS)))
+        once(&self.spectrum, || plain(self).project_sh(&harmonics(BANDS))).as_slice()
     }
 }
 

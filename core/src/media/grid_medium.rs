@@ -7,6 +7,7 @@ use glam::DAffine3;
 use super::{Bricks, Grid, IndexBox, LARGEST, Lattice, Medium, MediumError, OpticsField, OpticsFields, in_range};
 use crate::Version;
 use crate::light::BlackBody;
+use crate::once::once;
 
 /// A medium whose density is a [`Grid`], and whose optics may follow more of them. All share one map from index to
 /// world; what a grid says outside its bounds is zero of a dense one, of a sparse one its background.
@@ -52,7 +53,7 @@ impl Scalars {
     }
 
     fn bricks(&self, window: IndexBox) -> Option<&Bricks> {
-        self.bricks.get_or_init(|| Bricks::of(&self.grid, window)).as_ref()
+        once(&self.bricks, || Bricks::of(&self.grid, window)).as_ref()
     }
 }
 
