@@ -188,7 +188,7 @@ mod tests {
     fn curves_are_picked_by_the_beginning_of_their_name() {
         let names = |prefix| curves(prefix).map(|found| found.iter().map(|c| c.name).collect::<Vec<_>>());
         assert_eq!(names("basis").ok(), Some(vec!["basis-lights"]));
-        assert!(names("").is_ok_and(|all| all.len() == 8));
+        assert!(names("").is_ok_and(|all| all.len() == 9));
         let error = names("time").unwrap_err();
         assert!(error.code == 2 && error.message.contains("directions"), "{error:?}");
     }
