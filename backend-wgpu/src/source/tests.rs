@@ -278,3 +278,17 @@ fn faults_name_the_file_and_line_they_stand_in() {
     let error = module(&text).unwrap_err();
     assert!(error.contains(&format!("(\"kernels/segment.wgsl\", {})", lines + 1)), "{error}");
 }
+
+#[test]
+fn fields_are_sampled_where_kernels_look_between_texels() {
+    for stage in &examples(true) {
+        let source = of(stage);
+        let helpers = source.recipe.helpers.iter().map(|&each| helper(each).text);
+        let kernels: Vec<_> = helpers.chain([source.file.text]).collect();
+        for shape in shapes(stage, 1).iter().filter(|shape| matches!(shape.kind, ShapeKind::Field { .. })) {
+            let call = format!("sample_{}(", shape.name);
+            let sampled = kernels.iter().any(|text| text.contains(&call));
+            assert_eq!(source.interpolates(shape.name), sampled, "{} of {}", shape.name, source.name);
+        }
+    }
+}
