@@ -1,224 +1,373 @@
-// `propagate`: columns or mean densities from every cell to each light. A dispatch is one step; one work-item an item.
+// `propagate`: columns or mean densities from every cell to each light. Of short characteristics a dispatch integrates in the cells of
+// some lights, a work-item a packet of them. After that one a dispatch is one step, a work-item a packet of its items; or some steps, of
+// which a workgroup of a single work-item takes the items of a light in order.
 
-int3 on_face(__global const LightFace *face, uint n);
-int3 in_shell(const Bound *bound, uint4 first, uint step, uint n);
-float mean(const Bound *bound, __global const LightFace *face, uint light, int3 at);
-float interpolated(const Bound *bound, uint light, int3 at, float3 u, float longest, uint axis);
-float4 nodes(int x, int cells, float u, float longest, bool far);
-float gathered(const Bound *bound, uint light, int3 at);
-bool within(int x, int cells);
-bool inside(const Bound *bound, int3 at);
-uint index(const Bound *bound, int3 at, uint light);
-float metres(const Bound *bound, float3 u);
+// Cells, and how many they are; lanes past the last repeat the first.
+typedef struct {
+    I x;
+    I y;
+    I z;
+    uint count;
+} Cells;
+
+// Ways from cells to a light.
+typedef struct {
+    // In cell units.
+    F3 u;
+    // Their longest components.
+    F longest;
+    // Where the light is nearer than one cell.
+    M near;
+    // Metres of them within the box.
+    F extent;
+    // What is integrated of them.
+    Ray piece;
+} Way;
+
+uint integrated(const Bound *bound);
+uint items(const Bound *bound, uint light, uint step);
+void integrate(const Bound *bound, uint light, uint first);
+void finish(const Bound *bound, uint light, uint step, uint first);
+Cells cells_of(const int *x, const int *y, const int *z, uint count);
+Cells on_face(__global const LightFace *face, uint first);
+Cells in_shell(const Bound *bound, uint light, uint step, uint first);
+Way way_to(const Bound *bound, uint light, const Cells *cells);
+F piece(const Bound *bound, const Way *way);
+F mean(const Bound *bound, __global const float *known, uint light, uint axis, const Cells *cells);
+INLINE F interpolated(__global const float *known, const Bound *bound, const Way *way, uint axis, bool far, const Cells *cells);
+INLINE F4 nodes(I x, I hop, int cells, F u, F longest, bool far);
+F gathered(const Bound *bound, __global const float *known, uint light, const Cells *cells);
+INLINE M within(I x, int cells);
+uint counted(const Bound *bound);
+INLINE I index(const Bound *bound, const Cells *cells);
+F metres(const Bound *bound, F3 u);
 
 void run_propagate(const Bound *bound) {
-    size_t item = number();
-    if (item >= bound->launch->count) {
+    uint n = (uint)(number() / WIDTH);
+    uint start = bound->launch->start;
+    if (start < integrated(bound)) {
+        uint packets = (counted(bound) + WIDTH - 1u) / WIDTH;
+        if (n < bound->launch->count) {
+            integrate(bound, start + n / packets, n % packets * WIDTH);
+        }
         return;
     }
-    uint lights = bound->params->lights;
-    uint each = bound->params->items / lights;
-    uint light = (uint)item / each;
-    uint n = (uint)item % each;
-    uint step = bound->launch->start;
-    int3 at;
-    float value;
+    uint step = start - integrated(bound);
+    if (bound->launch->count > 0u) {
+        uint packets = (bound->params->items / bound->params->lights + WIDTH - 1u) / WIDTH;
+        if (n < bound->launch->count) {
+            finish(bound, n / packets, step, n % packets * WIDTH);
+        }
+        return;
+    }
+    uint light = (uint)get_group_id(0);
+    for (uint k = 0u; k < bound->launch->units; k++) {
+        uint count = items(bound, light, step + k);
+        for (uint first = 0u; first < count; first += WIDTH) {
+            finish(bound, light, step + k, first);
+        }
+    }
+}
+
+// Units before the first step.
+uint integrated(const Bound *bound) {
+    return bound->params->scheme == SCHEME_SHORT_CHARACTERISTICS ? bound->params->lights : 0u;
+}
+
+// Items of a step of a light, of which some may be no cells.
+uint items(const Bound *bound, uint light, uint step) {
     if (bound->params->scheme == SCHEME_SHORT_CHARACTERISTICS) {
-        __global const LightFace *face = bound->faces + (size_t)step * lights + light;
-        at = on_face(face, n);
-        if (!inside(bound, at)) {
+        __global const LightFace *face = bound->faces + (size_t)step * bound->params->lights + light;
+        return face->count_0 * face->count_1;
+    }
+    return bound->params->items / bound->params->lights;
+}
+
+// Integrates in cells from the one of a number on.
+void integrate(const Bound *bound, uint light, uint first) {
+    uint count = min((uint)WIDTH, counted(bound) - first);
+    uint across = bound->params->cells.x;
+    uint down = bound->params->cells.y;
+    int x[WIDTH];
+    int y[WIDTH];
+    int z[WIDTH];
+    for (uint i = 0u; i < count; i++) {
+        uint row = (first + i) / across;
+        x[i] = (int)(first + i - row * across);
+        y[i] = (int)(row % down);
+        z[i] = (int)(row / down);
+    }
+    Cells cells = cells_of(x, y, z, count);
+    Way way = way_to(bound, light, &cells);
+    put_row(piece(bound, &way), bound->values + (size_t)light * counted(bound) + first, count);
+}
+
+// Finishes items of a step of a light.
+void finish(const Bound *bound, uint light, uint step, uint first) {
+    __global float *known = bound->values + (size_t)light * counted(bound);
+    Cells cells;
+    F found;
+    if (bound->params->scheme == SCHEME_SHORT_CHARACTERISTICS) {
+        __global const LightFace *face = bound->faces + (size_t)step * bound->params->lights + light;
+        cells = on_face(face, first);
+        if (cells.count == 0u) {
             return;
         }
-        value = mean(bound, face, light, at);
+        found = mean(bound, known, light, face->axis, &cells);
     } else {
-        at = in_shell(bound, bound->lights[light].first, step, n);
-        if (!inside(bound, at)) {
+        cells = in_shell(bound, light, step, first);
+        if (cells.count == 0u) {
             return;
         }
-        value = gathered(bound, light, at);
+        found = gathered(bound, known, light, &cells);
     }
-    uint place = index(bound, at, light);
-    bound->light_depth[place] = value;
-    if (light + 1u == lights) {
-        // The last light's items also write what lies beyond it in its layer.
-        for (uint k = 1u; k < 4u * bound->params->cells.w - light; k++) {
-            bound->light_depth[place + k] = 0.0f;
+    float values[WIDTH];
+    uint places[WIDTH];
+    unpack(found, values);
+    unpack(as_index(index(bound, &cells)), places);
+    uint lanes = 4u * bound->params->cells.w;
+    // The last light's items also write what lies beyond it in its layer.
+    uint beyond = light + 1u == bound->params->lights ? lanes - light : 1u;
+    for (uint i = 0u; i < cells.count; i++) {
+        known[places[i]] = values[i];
+        __global float *out = bound->light_depth + (size_t)places[i] * lanes + light;
+        out[0] = values[i];
+        for (uint k = 1u; k < beyond; k++) {
+            out[k] = 0.0f;
         }
     }
 }
 
-// Cell `n` of a face; negative where there is none.
-int3 on_face(__global const LightFace *face, uint n) {
-    if (face->axis == NO_FACE || n >= face->count_0 * face->count_1) {
-        return (int3)(-1);
+Cells cells_of(const int *x, const int *y, const int *z, uint count) {
+    int all[3][WIDTH];
+    for (uint i = 0u; i < WIDTH; i++) {
+        uint n = i < count ? i : 0u;
+        all[0][i] = x[n];
+        all[1][i] = y[n];
+        all[2][i] = z[n];
     }
-    uint first = face->first_0 + n % face->count_0;
-    uint second = face->first_1 + n / face->count_0;
+    Cells cells = {pack(all[0]), pack(all[1]), pack(all[2]), count};
+    return cells;
+}
+
+// Cells of a face from item `first` on.
+Cells on_face(__global const LightFace *face, uint first) {
+    uint across = face->count_0;
+    uint all = face->axis == NO_FACE ? 0u : across * face->count_1;
+    uint count = first < all ? min((uint)WIDTH, all - first) : 0u;
+    int plane[WIDTH] = {0};
+    int b[WIDTH] = {0};
+    int c[WIDTH] = {0};
+    for (uint i = 0u; i < count; i++) {
+        uint row = (first + i) / across;
+        plane[i] = (int)face->plane;
+        b[i] = (int)(face->first_0 + first + i - row * across);
+        c[i] = (int)(face->first_1 + row);
+    }
     if (face->axis == 0u) {
-        return (int3)((int)face->plane, (int)first, (int)second);
+        return cells_of(plane, b, c, count);
     }
-    if (face->axis == 1u) {
-        return (int3)((int)first, (int)face->plane, (int)second);
-    }
-    return (int3)((int)first, (int)second, (int)face->plane);
+    return face->axis == 1u ? cells_of(b, plane, c, count) : cells_of(b, c, plane, count);
 }
 
-// Item `n` of the shell `step` hops from the light's first cell: of a row along x, the cell on one side or the other.
-// Negative where there is none.
-int3 in_shell(const Bound *bound, uint4 first, uint step, uint n) {
-    int y = (int)(n / 2u % bound->params->cells.y);
-    int z = (int)(n / 2u / bound->params->cells.y);
-    int left = (int)step - (int)abs(y - (int)first.y) - (int)abs(z - (int)first.z);
-    // Where no hop is left, both sides are one cell.
-    if (left < 0 || (left == 0 && n % 2u == 1u)) {
-        return (int3)(-1);
+// Cells of the shell `step` hops from the light's first cell, of items from `first` on: of a row along x, the cell on one side and the
+// one on the other.
+Cells in_shell(const Bound *bound, uint light, uint step, uint first) {
+    uint4 from = bound->lights[light].first;
+    uint4 cells = bound->params->cells;
+    uint end = min(first + WIDTH, bound->params->items / bound->params->lights);
+    int x[WIDTH] = {0};
+    int y[WIDTH] = {0};
+    int z[WIDTH] = {0};
+    uint count = 0u;
+    for (uint n = first; n < end; n++) {
+        int down = (int)(n / 2u % cells.y);
+        int slice = (int)(n / 2u / cells.y);
+        int left = (int)step - (int)abs(down - (int)from.y) - (int)abs(slice - (int)from.z);
+        int along = (int)from.x + (n % 2u == 1u ? -left : left);
+        // Where no hop is left, both sides are one cell.
+        if (left > 0 || (left == 0 && n % 2u == 0u)) {
+            if (along >= 0 && along < (int)cells.x) {
+                x[count] = along;
+                y[count] = down;
+                z[count] = slice;
+                count++;
+            }
+        }
     }
-    return (int3)((int)first.x + (n % 2u == 1u ? -left : left), y, z);
+    return cells_of(x, y, z, count);
 }
 
-// Mean density along the way within the box.
-float mean(const Bound *bound, __global const LightFace *face, uint light, int3 at) {
+Way way_to(const Bound *bound, uint light, const Cells *cells) {
     float4 place = bound->lights[light].place;
     float3 size = convert_float3(bound->params->dims.xyz);
     float3 side = bound->params->cell.xyz;
     float longest_step = bound->params->cell.w;
     bool has_place = place.w == 1.0f;
-    float3 u = place.xyz;
+    F3 at = f3(to_float(cells->x), to_float(cells->y), to_float(cells->z));
+    F3 u = all3(place.xyz);
     if (has_place) {
-        u = place.xyz - convert_float3(at);
+        u = sub3(u, at);
     }
-    float3 origin = (convert_float3(at) + 0.5f) * side - 0.5f;
+    F3 origin = f3((at.x + 0.5f) * side.x - 0.5f, (at.y + 0.5f) * side.y - 0.5f, (at.z + 0.5f) * side.z - 0.5f);
     // At a light a way so short that nothing changes along it, and so long that its column is a normal number: devices
     // may take others for 0.
-    float far = max(metres(bound, u), 1e-30f);
-    float3 toward = u * side / far;
-    Ray way = through(origin, toward, size, has_place ? far : FAR, longest_step);
-    float extent = way.step * way.steps;
-    if (face->near == 1u) {
-        if (way.steps > 0.0f) {
-            return column(bound, &way, (uint4)(0u), true) / max(extent, 1e-30f);
-        }
-        return sample_density(bound, origin, convert_int3(bound->params->dims.xyz), 0);
-    }
-    float longest = fabs(face->axis == 0u ? u.x : face->axis == 1u ? u.y : u.z);
-    Ray piece = through(origin, toward, size, far / longest, longest_step);
-    float rest = extent - piece.step * piece.steps;
-    float beyond = 0.0f;
-    if (rest > 0.0f) {
-        beyond = interpolated(bound, light, at, u, longest, face->axis);
-    }
-    return (column(bound, &piece, (uint4)(0u), true) + beyond * rest) / extent;
+    F far = greater(metres(bound, u), (F)(1e-30f));
+    F3 toward = f3(u.x * side.x / far, u.y * side.y / far, u.z * side.z / far);
+    Ray all = through(origin, toward, size, has_place ? far : (F)(FAR), longest_step);
+    Way way;
+    way.u = u;
+    way.longest = greater(greater(fabs(u.x), fabs(u.y)), fabs(u.z));
+    way.near = has_place ? way.longest < 1.0f : way.longest < 0.0f;
+    Ray next = through(origin, toward, size, far / way.longest, longest_step);
+    way.extent = all.step * all.steps;
+    way.piece = all;
+    way.piece.step = way.near ? all.step : next.step;
+    way.piece.steps = way.near ? all.steps : next.steps;
+    return way;
 }
 
-// Mean density where the way meets the next plane of centres along `axis`.
-float interpolated(const Bound *bound, uint light, int3 at, float3 u, float longest, uint axis) {
-    bool far = bound->lights[light].place.w == 0.0f;
-    int3 hop = (int3)(u.x < 0.0f ? -1 : 1, u.y < 0.0f ? -1 : 1, u.z < 0.0f ? -1 : 1);
-    int3 cells = convert_int3(bound->params->cells.xyz);
-    float4 along_x = nodes(at.x, cells.x, u.x, longest, far);
-    float4 along_y = nodes(at.y, cells.y, u.y, longest, far);
-    float4 along_z = nodes(at.z, cells.z, u.z, longest, far);
-    float4 along_b = axis == 0u ? along_y : along_x;
-    float4 along_c = axis == 2u ? along_y : along_z;
-    float weights_b[4] = {along_b.x, along_b.y, along_b.z, along_b.w};
-    float weights_c[4] = {along_c.x, along_c.y, along_c.z, along_c.w};
-    float sum = 0.0f;
+// What is integrated of ways: the mean density of all of it, or the column of a piece.
+F piece(const Bound *bound, const Way *way) {
+    F found = column(bound, &way->piece, (uint4)(0u), way->longest >= 0.0f);
+    if (any_lane(way->near)) {
+        F here = sample_density(bound, way->piece.origin, convert_int3(bound->params->dims.xyz), 0);
+        F whole = way->piece.steps > 0.0f ? found / greater(way->extent, (F)(1e-30f)) : here;
+        found = way->near ? whole : found;
+    }
+    return found;
+}
+
+// Mean density along ways within the box, of cells of a face that is normal to `axis`.
+F mean(const Bound *bound, __global const float *known, uint light, uint axis, const Cells *cells) {
+    Way way = way_to(bound, light, cells);
+    F own = fetch(known, index(bound, cells));
+    F rest = way.extent - way.piece.step * way.piece.steps;
+    F next = interpolated(known, bound, &way, axis, bound->lights[light].place.w == 0.0f, cells);
+    F beyond = rest > 0.0f ? next : (F)(0.0f);
+    return way.near ? own : (own + beyond * rest) / way.extent;
+}
+
+// Mean density where ways meet the next plane of centres along `axis`.
+INLINE F interpolated(__global const float *known, const Bound *bound, const Way *way, uint axis, bool far, const Cells *cells) {
+    int3 size = convert_int3(bound->params->cells.xyz);
+    I one = (I)(1);
+    I hop_x = way->u.x < 0.0f ? -one : one;
+    I hop_y = way->u.y < 0.0f ? -one : one;
+    I hop_z = way->u.z < 0.0f ? -one : one;
+    int slice = size.x * size.y;
+    // Cells, hops toward the light, cells along the axis and how far they lie apart: along `axis` and along the others.
+    I at = axis == 0u ? cells->x : axis == 1u ? cells->y : cells->z;
+    I at_b = axis == 0u ? cells->y : cells->x;
+    I at_c = axis == 2u ? cells->y : cells->z;
+    I hop = axis == 0u ? hop_x : axis == 1u ? hop_y : hop_z;
+    I hop_b = axis == 0u ? hop_y : hop_x;
+    I hop_c = axis == 2u ? hop_y : hop_z;
+    int all = axis == 0u ? size.x : axis == 1u ? size.y : size.z;
+    int all_b = axis == 0u ? size.y : size.x;
+    int all_c = axis == 2u ? size.y : size.z;
+    int pitch = axis == 0u ? 1 : axis == 1u ? size.x : slice;
+    I on = hop_b * (axis == 0u ? size.x : 1);
+    I up = hop_c * (axis == 2u ? size.x : slice);
+    F4 along_b = nodes(at_b, hop_b, all_b, axis == 0u ? way->u.y : way->u.x, way->longest, far);
+    F4 along_c = nodes(at_c, hop_c, all_c, axis == 2u ? way->u.y : way->u.z, way->longest, far);
+    F weights_b[4] = {along_b.x, along_b.y, along_b.z, along_b.w};
+    F weights_c[4] = {along_c.x, along_c.y, along_c.z, along_c.w};
+    M onward = within(at + hop, all);
+    I next = index(bound, cells) + hop * pitch;
+    F sum = (F)(0.0f);
     for (int j = 0; j < 4; j++) {
+        M there = onward & within(at_c + hop_c * (j - 1), all_c);
         for (int i = 0; i < 4; i++) {
-            float weight = weights_b[i] * weights_c[j];
-            int3 way = axis == 0u ? (int3)(1, i - 1, j - 1) : axis == 1u ? (int3)(i - 1, 1, j - 1) : (int3)(i - 1, j - 1, 1);
-            int3 cell = at + hop * way;
+            F weight = weights_b[i] * weights_c[j];
             // Cells without weight may not be known yet.
-            if (weight != 0.0f && inside(bound, cell)) {
-                sum += weight * bound->light_depth[index(bound, cell, light)];
-            }
+            M weighs = (weight != 0.0f) & there & within(at_b + hop_b * (i - 1), all_b);
+            F value = fetch(known, weighs ? next + on * (i - 1) + up * (j - 1) : (I)(0));
+            sum = weighs ? sum + weight * value : sum;
         }
     }
-    return max(sum, 0.0f);
+    return greater(sum, (F)(0.0f));
 }
 
-// Weights of the cells at -1, 0, 1 and 2 hops toward the light from cell `x` of `cells` along an axis.
-float4 nodes(int x, int cells, float u, float longest, bool far) {
-    int hop = u < 0.0f ? -1 : 1;
-    if (!within(x + hop, cells)) {
-        return (float4)(0.0f, 1.0f, 0.0f, 0.0f);
-    }
-    float way = fabs(u);
+// Weights of the cells at -1, 0, 1 and 2 hops toward the light from cells `x` of `cells` along an axis.
+INLINE F4 nodes(I x, I hop, int cells, F u, F longest, bool far) {
+    F way = fabs(u);
     // A division may be off by more than rounding, and at 1 the cell itself must have no weight.
-    float f = way >= longest ? 1.0f : way / longest;
-    float g = 1.0f - f;
-    bool before = within(x - hop, cells) && (far || way + 1.0f < longest);
-    bool after = within(x + 2 * hop, cells) && (far || fabs(way - 2.0f) < longest);
-    if (before && after) {
-        return (float4)(
-            -f * g * (1.0f + g) / 6.0f,
-            (1.0f + f) * g * (1.0f + g) / 2.0f,
-            (1.0f + f) * f * (1.0f + g) / 2.0f,
-            -f * g * (1.0f + f) / 6.0f
-        );
+    F f = way >= longest ? (F)(1.0f) : way / longest;
+    F g = 1.0f - f;
+    F zero = (F)(0.0f);
+    M here = within(x + hop, cells);
+    M before = within(x - hop, cells);
+    M after = within(x + 2 * hop, cells);
+    if (!far) {
+        before &= way + 1.0f < longest;
+        after &= fabs(way - 2.0f) < longest;
     }
-    if (after) {
-        return (float4)(0.0f, g * (1.0f + g) / 2.0f, f * (1.0f + g), -f * g / 2.0f);
-    }
-    if (before) {
-        return (float4)(-f * g / 2.0f, g * (1.0f + f), f * (1.0f + f) / 2.0f, 0.0f);
-    }
-    return (float4)(0.0f, g, f, 0.0f);
+    F first = after ? -f * g * (1.0f + g) / 6.0f : -f * g / 2.0f;
+    F second = after ? (1.0f + f) * g * (1.0f + g) / 2.0f : g * (1.0f + f);
+    F third = after ? (1.0f + f) * f * (1.0f + g) / 2.0f : f * (1.0f + f) / 2.0f;
+    F second_alone = after ? g * (1.0f + g) / 2.0f : g;
+    F third_alone = after ? f * (1.0f + g) : f;
+    F fourth = before ? -f * g * (1.0f + f) / 6.0f : -f * g / 2.0f;
+    first = here & before ? first : zero;
+    second = here ? (before ? second : second_alone) : (F)(1.0f);
+    third = here ? (before ? third : third_alone) : zero;
+    fourth = here & after ? fourth : zero;
+    return f4(f3(first, second, third), fourth);
 }
 
-// Column gathered from the neighbours toward the light.
-float gathered(const Bound *bound, uint light, int3 at) {
+// Columns gathered from the neighbours toward the light.
+F gathered(const Bound *bound, __global const float *known, uint light, const Cells *cells) {
     float4 place = bound->lights[light].place;
-    float3 u = place.xyz;
+    int3 size = convert_int3(bound->params->cells.xyz);
+    F3 u = all3(place.xyz);
     if (place.w == 1.0f) {
-        u = place.xyz - convert_float3(at);
+        u = sub3(u, f3(to_float(cells->x), to_float(cells->y), to_float(cells->z)));
     }
-    float local_mean = bound->occupancy[index(bound, at, 0u) / (4u * bound->params->cells.w)].x;
-    float x = metres(bound, (float3)(1.0f, 0.0f, 0.0f));
-    float y = metres(bound, (float3)(0.0f, 1.0f, 0.0f));
-    float z = metres(bound, (float3)(0.0f, 0.0f, 1.0f));
+    I own = index(bound, cells);
+    F local_mean = fetch((__global const float *)bound->occupancy, 2 * own);
+    F x = metres(bound, all3((float3)(1.0f, 0.0f, 0.0f)));
+    F y = metres(bound, all3((float3)(0.0f, 1.0f, 0.0f)));
+    F z = metres(bound, all3((float3)(0.0f, 0.0f, 1.0f)));
     bool published = bound->params->scheme == SCHEME_PUBLISHED;
-    float3 way = fabs(u);
-    float hops = way.x + way.y + way.z;
-    if (hops == 0.0f) {
-        return published ? local_mean * (x + y + z) / 3.0f : 0.0f;
-    }
-    float extent = published ? way.x * x + way.y * y + way.z * z : metres(bound, u);
-    float sum = 0.0f;
+    F zero = (F)(0.0f);
+    F shares[3] = {u.x, u.y, u.z};
+    I at[3] = {cells->x, cells->y, cells->z};
+    int all[3] = {size.x, size.y, size.z};
+    int pitch[3] = {1, size.x, size.x * size.y};
+    F hops = fabs(u.x) + fabs(u.y) + fabs(u.z);
+    F extent = published ? fabs(u.x) * x + fabs(u.y) * y + fabs(u.z) * z : metres(bound, u);
+    F sum = zero;
     for (int a = 0; a < 3; a++) {
-        float share = a == 0 ? u.x : a == 1 ? u.y : u.z;
-        int hop = share < 0.0f ? -1 : 1;
-        int3 next = at + (int3)(a == 0 ? hop : 0, a == 1 ? hop : 0, a == 2 ? hop : 0);
-        if (share != 0.0f && inside(bound, next)) {
-            sum += fabs(share) * bound->light_depth[index(bound, next, light)];
-        }
+        I hop = shares[a] < 0.0f ? (I)(-1) : (I)(1);
+        M weighs = (shares[a] != 0.0f) & within(at[a] + hop, all[a]);
+        F value = fetch(known, weighs ? own + hop * pitch[a] : (I)(0));
+        sum = weighs ? sum + fabs(shares[a]) * value : sum;
     }
-    return (local_mean * extent + sum) / hops;
+    F here = published ? local_mean * (x + y + z) / 3.0f : zero;
+    return hops == 0.0f ? here : (local_mean * extent + sum) / hops;
 }
 
-// Whether cell `x` is one of `cells` along an axis.
-bool within(int x, int cells) {
-    return x >= 0 && x < cells;
+// Where cells `x` are among `cells` along an axis.
+INLINE M within(I x, int cells) {
+    return (x >= 0) & (x < cells);
 }
 
-// Whether a cell lies in the grid.
-bool inside(const Bound *bound, int3 at) {
-    int3 cells = convert_int3(bound->params->cells.xyz);
-    return within(at.x, cells.x) && within(at.y, cells.y) && within(at.z, cells.z);
+// Cells of the grid.
+uint counted(const Bound *bound) {
+    return bound->params->cells.x * bound->params->cells.y * bound->params->cells.z;
 }
 
-// Where a cell's value for a light lies in the output.
-uint index(const Bound *bound, int3 at, uint light) {
-    uint4 cells = bound->params->cells;
-    return (((uint)at.z * cells.y + (uint)at.y) * cells.x + (uint)at.x) * 4u * cells.w + light;
+// Numbers of cells.
+INLINE I index(const Bound *bound, const Cells *cells) {
+    return (cells->z * (int)bound->params->cells.y + cells->y) * (int)bound->params->cells.x + cells->x;
 }
 
-// Metres of a way in cell units.
-float metres(const Bound *bound, float3 u) {
-    float3 v = u * bound->params->cell.xyz;
-    float3 x = bound->params->world_x.xyz;
-    float3 y = bound->params->world_y.xyz;
-    float3 z = bound->params->world_z.xyz;
-    float3 w = (float3)(dot(x, v), dot(y, v), dot(z, v));
-    return sqrt(dot(w, w));
+// Metres of ways in cell units.
+F metres(const Bound *bound, F3 u) {
+    float3 side = bound->params->cell.xyz;
+    F3 v = f3(u.x * side.x, u.y * side.y, u.z * side.z);
+    F3 w = f3(dot3(all3(bound->params->world_x.xyz), v), dot3(all3(bound->params->world_y.xyz), v),
+              dot3(all3(bound->params->world_z.xyz), v));
+    return sqrt(dot3(w, w));
 }

@@ -9,7 +9,7 @@ use airlight_core::device::{
     BrickLayout, DeviceError, FieldFormat, Helper, KernelFile, KernelLanguage, KernelStruct, KernelText, Recipe,
 };
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Classify, Coarsen, Inject, March, Stage, SweepParams};
+use airlight_core::stage::{Classify, Coarsen, Inject, March, PropagateParams, Stage, SweepParams};
 use bytemuck::Zeroable;
 
 pub(crate) use airlight_core::device::{Shape, ShapeKind};
@@ -115,7 +115,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
     let (file, (items, width)) = match stage {
         Stage::Reduce(_) => (file!("reduce.cl"), ((1, 1), wide)),
         Stage::Project(_) => (file!("project.cl"), ((1, project_chunk), wide)),
-        Stage::Propagate(_) => (file!("propagate.cl"), scalars(1)),
+        Stage::Propagate(_) => (file!("propagate.cl"), ((1, 1), wide)),
         Stage::Relight(_) => (file!("relight.cl"), packets(1)),
         Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
         Stage::Inject(_) => (
@@ -189,6 +189,9 @@ fn reconstruct_cells(lanes: Lanes) -> u32 {
 /// Packets of cells from which a work-item of `project` fills its own.
 const PROJECT_PACKETS: u32 = 4;
 
+/// Items of a light's step of `propagate` from which on cores share them: as long as the begin of a dispatch takes.
+const PROPAGATE_MANY: u32 = 4096;
+
 /// Coefficients that a work-item of `sweep` adds up side by side. As many as there are, a square, are some times four or one more.
 const SWEEP_TAKEN: u32 = 4;
 
@@ -232,6 +235,9 @@ impl Source {
         if let Stage::Sweep(sweep) = stage {
             return self.next_sweep(&sweep.params, launch, units.end);
         }
+        if let Stage::Propagate(propagate) = stage {
+            return Ok(self.next_propagate(&propagate.params, launch, units.end));
+        }
         // Units of a sequential stage are dispatches of their own: the queue is in order.
         let count = sequential.unwrap_or(units.len() as u32);
         let items = (u64::from(count) * u64::from(of)).div_ceil(u64::from(each));
@@ -239,6 +245,27 @@ impl Source {
         // An item of some packets is much work, and some are of empty cells: cores take them one by one.
         let team = (matches!(stage, Stage::Project(_)) && self.width > 1).then_some(1);
         Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team, scratch: 0 })
+    }
+
+    /// Lights of which all cells are integrated in are a dispatch. Steps are dispatches of their own, of packets of items; or, where
+    /// cores take packets and a step is few of them, one in which a work-item takes those of a light in order.
+    fn next_propagate(&self, p: &PropagateParams, launch: Launch, end: u32) -> Dispatch {
+        let (integrated, each) = (p.integrated(), p.items / p.lights);
+        let of_items = |lights: u32, items: u32, units| {
+            let launch = Launch { count: lights * items.div_ceil(self.width), ..launch };
+            Dispatch { launch, units, items: launch.count.into(), team: None, scratch: 0 }
+        };
+        if launch.start < integrated {
+            // Kernels count packets in 32 bits.
+            let most = u32::MAX / p.count().div_ceil(self.width);
+            let lights = (end.min(integrated) - launch.start).min(most);
+            return of_items(lights, p.count(), lights);
+        }
+        if self.width == 1 || u64::from(each) >= u64::from(PROPAGATE_MANY) * u64::from(p.lights) {
+            return of_items(p.lights, each, 1);
+        }
+        let units = end - launch.start;
+        Dispatch { launch: Launch { units, ..launch }, units, items: p.lights.into(), team: Some(1), scratch: 0 }
     }
 
     /// The steps of a batch follow each other within a dispatch, in which the work-items of a direction are a team; its

@@ -1,4 +1,6 @@
-// `propagate`: columns or mean densities from every cell to each light. A dispatch is one step; one invocation an item.
+// `propagate`: columns or mean densities from every cell to each light. Of short characteristics a dispatch integrates in the cells
+// of some lights (`propagate_pieces`), an invocation a cell. After it a dispatch is one step, of which an invocation takes an item; or
+// some steps, of which a workgroup takes the items of a light in order (`propagate_in_order`).
 
 @compute @workgroup_size(UNITS)
 fn propagate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -6,32 +8,98 @@ fn propagate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_ind
     if item >= launch.count {
         return;
     }
-    let each = params.items / params.lights;
-    let light = item / each;
-    let n = item % each;
-    let step = launch.start;
+    let light = divide(item, params.items / params.lights);
+    let step = launch.start - integrated();
+    finish(face(light.x, step), read_lights(light.x), light.x, step, light.y);
+}
+
+@compute @workgroup_size(UNITS)
+fn propagate_in_order(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let light = number(id);
+    let place = read_lights(light);
+    // A number of a workgroup hides the end from drivers that build kernels for it.
+    let past = launch.past + (id.x >> 31u);
+    for (var unit = launch.first; unit < past; unit++) {
+        if light < launch.count {
+            let step = unit - integrated();
+            let face = face(light, step);
+            let items = items(face);
+            var item = 0u;
+            // Asked at its end: drivers run a loop once more after what is asked at its begin.
+            loop {
+                finish(face, place, light, step, item + lane);
+                continuing {
+                    item += UNITS;
+                    break if item >= items;
+                }
+            }
+        }
+        // Each step sees the one before it.
+        wait_values();
+    }
+}
+
+@compute @workgroup_size(UNITS)
+fn propagate_pieces(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = number(id) * UNITS + lane;
+    if n >= launch.count {
+        return;
+    }
+    let light = divide(launch.first * counted() + n, counted());
+    integrate(light.x, light.y);
+}
+
+// Units before the first step.
+fn integrated() -> u32 {
+    return select(0u, params.lights, params.scheme == SCHEME_SHORT_CHARACTERISTICS);
+}
+
+// The face of a step of a light, where there are faces.
+fn face(light: u32, step: u32) -> LightFace {
+    var face: LightFace;
+    if params.scheme == SCHEME_SHORT_CHARACTERISTICS {
+        face = read_faces(step * params.lights + light);
+    }
+    return face;
+}
+
+// Items of a step of a light, of which some may be no cells.
+fn items(face: LightFace) -> u32 {
+    return select(params.items / params.lights, face.count_0 * face.count_1, params.scheme == SCHEME_SHORT_CHARACTERISTICS);
+}
+
+// Integrates in a cell of a number.
+fn integrate(light: u32, n: u32) {
+    let row = divide(n, params.cells.x);
+    let slice = divide(row.x, params.cells.y);
+    let at = vec3<i32>(vec3<u32>(row.y, slice.y, slice.x));
+    write_values(slot(at, light), piece(way_to(read_lights(light).place, at)));
+}
+
+// Finishes item `n` of a step of a light.
+fn finish(face: LightFace, place: LightPlace, light: u32, step: u32, n: u32) {
     var at = vec3<i32>(-1);
     var value = 0.0;
     if params.scheme == SCHEME_SHORT_CHARACTERISTICS {
-        let face = read_faces(step * params.lights + light);
         at = on_face(face, n);
         if !inside(at) {
             return;
         }
-        value = mean(face, light, at);
+        value = mean(place.place, light, at);
     } else {
-        at = in_shell(read_lights(light).first.xyz, step, n);
+        at = in_shell(place.first.xyz, step, n);
         if !inside(at) {
             return;
         }
-        value = gathered(light, at);
+        value = gathered(place.place, light, at);
     }
-    let place = index(at, light);
-    light_depth[place] = value;
+    write_values(slot(at, light), value);
+    let layers = index(at) * 4u * params.cells.w + light;
+    light_depth[layers] = value;
     if light + 1u == params.lights {
         // The last light's items also write what lies beyond it in its layer.
         for (var k = 1u; k < 4u * params.cells.w - light; k++) {
-            light_depth[place + k] = 0.0;
+            light_depth[layers + k] = 0.0;
         }
     }
 }
@@ -41,8 +109,9 @@ fn on_face(face: LightFace, n: u32) -> vec3<i32> {
     if face.axis == NO_FACE || n >= face.count_0 * face.count_1 {
         return vec3<i32>(-1);
     }
-    let first = face.first_0 + n % face.count_0;
-    let second = face.first_1 + n / face.count_0;
+    let row = divide(n, face.count_0);
+    let first = face.first_0 + row.y;
+    let second = face.first_1 + row.x;
     if face.axis == 0u {
         return vec3<i32>(vec3<u32>(face.plane, first, second));
     }
@@ -55,8 +124,9 @@ fn on_face(face: LightFace, n: u32) -> vec3<i32> {
 // Item `n` of the shell `step` hops from the light's first cell: of a row along x, the cell on one side or the other.
 // Negative where there is none.
 fn in_shell(first: vec3<u32>, step: u32, n: u32) -> vec3<i32> {
-    let y = i32(n / 2u % params.cells.y);
-    let z = i32(n / 2u / params.cells.y);
+    let row = divide(n / 2u, params.cells.y);
+    let y = i32(row.y);
+    let z = i32(row.x);
     let left = i32(step) - abs(y - i32(first.y)) - abs(z - i32(first.z));
     // Where no hop is left, both sides are one cell.
     if left < 0 || (left == 0 && n % 2u == 1u) {
@@ -65,9 +135,22 @@ fn in_shell(first: vec3<u32>, step: u32, n: u32) -> vec3<i32> {
     return vec3<i32>(i32(first.x) + select(left, -left, n % 2u == 1u), y, z);
 }
 
-// Mean density along the way within the box.
-fn mean(face: LightFace, light: u32, at: vec3<i32>) -> f32 {
-    let place = read_lights(light).place;
+// The way from a cell to a light.
+struct Way {
+    // In cell units.
+    u: vec3<f32>,
+    // Its longest component, and along which axis that is.
+    longest: f32,
+    axis: u32,
+    // Whether the light is nearer than one cell.
+    near: bool,
+    // Metres of it within the box.
+    extent: f32,
+    // What is integrated of it.
+    piece: Ray,
+}
+
+fn way_to(place: vec4<f32>, at: vec3<i32>) -> Way {
     let size = vec3<f32>(params.dims.xyz);
     let has_place = place.w == 1.0;
     var u = place.xyz;
@@ -79,47 +162,86 @@ fn mean(face: LightFace, light: u32, at: vec3<i32>) -> f32 {
     // may take others for 0.
     let far = max(metres(u), 1e-30);
     let toward = u * params.cell.xyz / far;
-    let way = through(origin, toward, size, select(FAR, far, has_place), params.cell.w);
-    let extent = way.step * way.steps;
-    if face.near == 1u {
-        if way.steps > 0.0 {
-            return column(way, vec4<u32>(0u)) / max(extent, 1e-30);
-        }
-        return sample_density(origin, vec3<i32>(params.dims.xyz), 0);
-    }
-    let longest = abs(u[face.axis]);
-    let piece = through(origin, toward, size, far / longest, params.cell.w);
-    let rest = extent - piece.step * piece.steps;
-    var beyond = 0.0;
-    if rest > 0.0 {
-        beyond = interpolated(light, at, u, longest, face.axis);
-    }
-    return (column(piece, vec4<u32>(0u)) + beyond * rest) / extent;
+    let all = through(origin, toward, size, select(FAR, far, has_place), params.cell.w);
+    // The first axis among equals.
+    let sides = abs(u);
+    let longest = max(max(sides.x, sides.y), sides.z);
+    let axis = select(select(2u, 1u, sides.y == longest), 0u, sides.x == longest);
+    let near = has_place && longest < 1.0;
+    let next = through(origin, toward, size, far / longest, params.cell.w);
+    let step = select(next.step, all.step, near);
+    let steps = select(next.steps, all.steps, near);
+    let piece = Ray(origin, all.direction, all.inverse, all.start, step, steps, all.place);
+    return Way(u, longest, axis, near, all.step * all.steps, piece);
 }
 
-// Mean density where the way meets the next plane of centres along `axis`.
-fn interpolated(light: u32, at: vec3<i32>, u: vec3<f32>, longest: f32, axis: u32) -> f32 {
-    let far = read_lights(light).place.w == 0.0;
+// What is integrated of a way: the mean density of all of it, or the column of a piece.
+fn piece(way: Way) -> f32 {
+    let column = column(way.piece, vec4<u32>(0u));
+    if !way.near {
+        return column;
+    }
+    if way.piece.steps > 0.0 {
+        return column / max(way.extent, 1e-30);
+    }
+    return sample_density(way.piece.origin, vec3<i32>(params.dims.xyz), 0);
+}
+
+// Mean density along the way within the box.
+fn mean(place: vec4<f32>, light: u32, at: vec3<i32>) -> f32 {
+    let known = read_values(slot(at, light));
+    let way = way_to(place, at);
+    if way.near {
+        return known;
+    }
+    let rest = way.extent - way.piece.step * way.piece.steps;
+    var beyond = 0.0;
+    if rest > 0.0 {
+        beyond = interpolated(way, place.w == 0.0, light, at);
+    }
+    return (known + beyond * rest) / way.extent;
+}
+
+// Mean density where the way meets the next plane of centres along its axis.
+fn interpolated(way: Way, far: bool, light: u32, at: vec3<i32>) -> f32 {
+    let u = way.u;
+    let longest = way.longest;
+    let axis = way.axis;
     let hop = select(vec3<i32>(1), vec3<i32>(-1), u < vec3<f32>(0.0));
     let b = select(0u, 1u, axis == 0u);
     let c = select(2u, 1u, axis == 2u);
     let along_b = nodes(at[b], i32(params.cells[b]), u[b], longest, far);
     let along_c = nodes(at[c], i32(params.cells[c]), u[c], longest, far);
-    var sum = 0.0;
-    for (var j = 0; j < 4; j++) {
-        for (var i = 0; i < 4; i++) {
-            let weight = along_b[i] * along_c[j];
-            var cell = at;
-            cell[axis] += hop[axis];
-            cell[b] += hop[b] * (i - 1);
-            cell[c] += hop[c] * (j - 1);
-            // Cells without weight may not be known yet.
-            if weight != 0.0 && inside(cell) {
-                sum += weight * light_depth[index(cell, light)];
-            }
-        }
-    }
+    var on = vec3<i32>(0);
+    var up = vec3<i32>(0);
+    on[b] = hop[b];
+    up[c] = hop[c];
+    var first = at;
+    first[axis] += hop[axis];
+    first -= up;
+    // Without loops, whose turns some drivers count.
+    var sum = row(0.0, light, first, on, along_b * along_c.x);
+    sum = row(sum, light, first + up, on, along_b * along_c.y);
+    sum = row(sum, light, first + 2 * up, on, along_b * along_c.z);
+    sum = row(sum, light, first + 3 * up, on, along_b * along_c.w);
     return max(sum, 0.0);
+}
+
+// A sum with that of the cells at -1, 0, 1 and 2 hops from a cell.
+fn row(sum: f32, light: u32, at: vec3<i32>, on: vec3<i32>, weights: vec4<f32>) -> f32 {
+    let first = weighed(sum, light, at - on, weights.x);
+    let second = weighed(first, light, at, weights.y);
+    let third = weighed(second, light, at + on, weights.z);
+    return weighed(third, light, at + 2 * on, weights.w);
+}
+
+// A sum with that of a cell.
+fn weighed(sum: f32, light: u32, cell: vec3<i32>, weight: f32) -> f32 {
+    // Cells without weight may not be known yet.
+    if weight != 0.0 && inside(cell) {
+        return sum + weight * read_values(slot(cell, light));
+    }
+    return sum;
 }
 
 // Weights of the cells at -1, 0, 1 and 2 hops toward the light from cell `x` of `cells` along an axis.
@@ -152,13 +274,12 @@ fn nodes(x: i32, cells: i32, u: f32, longest: f32, far: bool) -> vec4<f32> {
 }
 
 // Column gathered from the neighbours toward the light.
-fn gathered(light: u32, at: vec3<i32>) -> f32 {
-    let place = read_lights(light).place;
+fn gathered(place: vec4<f32>, light: u32, at: vec3<i32>) -> f32 {
     var u = place.xyz;
     if place.w == 1.0 {
         u = place.xyz - vec3<f32>(at);
     }
-    let local = read_occupancy(index(at, 0u) / (4u * params.cells.w)).x;
+    let local = read_occupancy(index(at)).x;
     let edges = vec3<f32>(
         metres(vec3<f32>(1.0, 0.0, 0.0)),
         metres(vec3<f32>(0.0, 1.0, 0.0)),
@@ -175,7 +296,7 @@ fn gathered(light: u32, at: vec3<i32>) -> f32 {
         var next = at;
         next[a] += select(1, -1, u[a] < 0.0);
         if u[a] != 0.0 && inside(next) {
-            sum += abs(u[a]) * light_depth[index(next, light)];
+            sum += abs(u[a]) * read_values(slot(next, light));
         }
     }
     return (local * extent + sum) / hops;
@@ -191,10 +312,20 @@ fn inside(at: vec3<i32>) -> bool {
     return all(at >= vec3<i32>(0)) && all(at < vec3<i32>(params.cells.xyz));
 }
 
-// Where a cell's value for a light lies in the output.
-fn index(at: vec3<i32>, light: u32) -> u32 {
+// Cells of the grid.
+fn counted() -> u32 {
+    return params.cells.x * params.cells.y * params.cells.z;
+}
+
+// The number of a cell.
+fn index(at: vec3<i32>) -> u32 {
     let cell = vec3<u32>(at);
-    return ((cell.z * params.cells.y + cell.y) * params.cells.x + cell.x) * 4u * params.cells.w + light;
+    return (cell.z * params.cells.y + cell.y) * params.cells.x + cell.x;
+}
+
+// Where a cell's value for a light lies.
+fn slot(at: vec3<i32>, light: u32) -> u32 {
+    return light * counted() + index(at);
 }
 
 // Metres of a way in cell units.

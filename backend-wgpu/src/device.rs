@@ -122,15 +122,16 @@ impl WgpuDevice {
         let bindings = &part.bindings;
         let shapes = self.store.shapes(bindings, self.limits.max_sampled_textures_per_shader_stage)?;
         let mut variant = Variant {
-            units: self.units,
+            units: part.invocations(self.units),
             filtered: self.sampler.is_some(),
             gathers: part.gathers,
             ..Variant::default()
         };
         // Where a buffer is bound in parts, kernels count from the part that they see.
         if self.texels && cut.whole() {
+            let held = part.held().filter(|_| self.rewrites);
             let sampled = |field: &str| variant.filtered && part.interpolates(field);
-            variant.fetched = self.store.fetched(&shapes, bindings, (sampled, part.fours()), &self.limits);
+            variant.fetched = self.store.fetched(&shapes, bindings, (sampled, part.fours(), held), &self.limits);
         }
         if self.pairs {
             for index in (0..bindings.len()).filter(|&index| part.pairs().contains(&bindings[index].name)) {
@@ -201,6 +202,7 @@ impl WgpuDevice {
         let parts = match stage {
             Stage::Sweep(sweep) => self.sweep_parts(stage, sweep, range.clone())?,
             Stage::Project(project) => self.project_parts(stage, project, range.clone())?,
+            Stage::Propagate(propagate) => self.propagate_parts(stage, &propagate.params, range.clone()),
             _ => vec![Part::of(stage, range.clone())],
         };
         let mut prepared = Vec::new();
@@ -215,6 +217,7 @@ impl WgpuDevice {
         let launches = prepared.iter().map(|(part, cut, pipeline, fetched)| {
             let copies = self.store.stale(&part.bindings, *fetched);
             self.store.wrote(&part.bindings);
+            let written = self.store.written(&part.bindings, *fetched);
             let shots = cut.pieces(part.range.clone()).map(|piece| {
                 let bound = self.store.bound(&part.bindings, *fetched, |binding| piece.window(binding))?;
                 let Range { start: first, end: past } = part.steps.clone().unwrap_or(piece.groups);
@@ -223,7 +226,7 @@ impl WgpuDevice {
             let shots = shots.collect::<Result<_, DeviceError>>()?;
             let (units, aligned) = (part.taken(self.units, self.texels, *fetched), part.aligned(*fetched));
             let (params, sequential) = (stage.params(), part.sequential);
-            Ok(Launches { pipeline, params, units, aligned, sequential, copies, shots })
+            Ok(Launches { pipeline, params, units, aligned, sequential, copies, written, shots })
         });
         let launches = launches.collect::<Result<Vec<_>, DeviceError>>();
         let recorded = launches.and_then(|launches| {
@@ -324,7 +327,8 @@ impl Device for WgpuDevice {
             let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
             let (params, units) = (bytemuck::bytes_of(&params), self.units);
             let (pipeline, copies) = (&pipeline, Vec::new());
-            let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
+            let launches =
+                Launches { pipeline, params, units, aligned: 1, sequential: None, copies, written: Vec::new(), shots };
             launch::record(&mut self.gpu, &mut self.groups, &self.limits, "publishing", &[launches], None)?;
         }
         Ok(())

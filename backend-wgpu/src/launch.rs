@@ -38,6 +38,8 @@ pub(crate) struct Launches<'s> {
     pub(crate) sequential: Option<u32>,
     /// Buffers to be copied before.
     pub(crate) copies: Vec<Copy<'s>>,
+    /// Those to be copied back behind it.
+    pub(crate) written: Vec<Copy<'s>>,
     pub(crate) shots: Vec<Shot<'s>>,
 }
 
@@ -69,6 +71,8 @@ pub(crate) fn record(
                 }),
             });
             launches.encode(&mut pass, ready);
+            drop(pass);
+            launches.written.iter().for_each(|copy| copy.encode_back(&mut encoder));
         }
         encoder.finish()
     })?;

@@ -26,6 +26,7 @@ mod memory;
 mod part;
 mod pipeline;
 mod project;
+mod propagate;
 mod source;
 mod staging;
 mod store;

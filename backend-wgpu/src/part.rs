@@ -6,8 +6,9 @@ use std::ops::Range;
 use airlight_core::device::Binding;
 use airlight_core::stage::Stage;
 
+use crate::propagate::IN_ORDER;
 use crate::source::sweep::Kernel as Kind;
-use crate::source::{self, Fact, Fetched, Numbers, Place, Shape, Text, Variant, order};
+use crate::source::{self, ABREAST, Fact, Fetched, Numbers, Place, Shape, Text, Variant, order};
 
 /// What decides a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -233,12 +234,22 @@ impl Part {
         }
     }
 
+    /// Whether a workgroup takes steps of the stage in order, one after the other.
+    fn in_order(&self) -> bool {
+        self.name == IN_ORDER || matches!(self.kernel, Kernel::Sweep(Kind::Rows))
+    }
+
+    /// Invocations of a workgroup, where those are so many that work alone.
+    pub(crate) fn invocations(&self, units: u32) -> u32 {
+        if self.in_order() { ABREAST } else { units }
+    }
+
     /// Units of the work axis, or items of a unit, that a workgroup takes, of so many invocations where those work alone; `known` is
     /// whether kernels know their parameters.
     pub(crate) fn taken(&self, units: u32, known: bool, fetched: Fetched) -> u32 {
         match &self.kernel {
+            _ if self.in_order() => 1,
             Kernel::Stage(source) => source.taken(units, known) * self.aligned(fetched),
-            Kernel::Sweep(Kind::Rows) => 1,
             Kernel::Sweep(_) => units,
             // One workgroup.
             Kernel::Order => u32::MAX,
@@ -258,6 +269,14 @@ impl Part {
             Kernel::Stage(source) => source.fours,
             Kernel::Sweep(Kind::Scatter) => &["sources"],
             Kernel::Sweep(_) | Kernel::Order => &[],
+        }
+    }
+
+    /// The buffer of floats that it reads and writes more often than it is worth to copy.
+    pub(crate) fn held(&self) -> Option<&'static str> {
+        match &self.kernel {
+            Kernel::Stage(source) if self.name == IN_ORDER => source.rewritten,
+            _ => None,
         }
     }
 

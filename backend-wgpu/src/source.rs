@@ -198,6 +198,9 @@ impl Default for Variant<'_> {
 /// Invocations of a workgroup on every device that the kernels run on.
 pub(crate) const UNITS: u32 = 64;
 
+/// Invocations of a workgroup that takes steps in order: a packet of Mesa's software driver, which has no other to wait for at barriers.
+pub(crate) const ABREAST: u32 = 8;
+
 /// Cells that a workgroup of `project` takes on drivers that run on processors, so that a packet of invocations marches from
 /// neighbours along one direction.
 const CELLS: u32 = 8;
@@ -234,6 +237,8 @@ pub(crate) struct Source {
     wide: &'static [&'static str],
     /// Whether it writes single floats of those.
     singly: bool,
+    /// The buffer of floats that it reads and writes.
+    pub(crate) rewritten: Option<&'static str>,
     file: KernelFile,
     recipe: Recipe,
 }
@@ -277,7 +282,8 @@ pub(crate) fn of(stage: &Stage) -> Source {
         _ => &[],
     };
     let singly = matches!(stage, Stage::Classify(classify) if classify.params.channels() == 1);
-    Source { name: stage.name(), alone, each, fours, wide, singly, file, recipe: Recipe::of(stage) }
+    let rewritten = matches!(stage, Stage::Propagate(_)).then_some("values");
+    Source { name: stage.name(), alone, each, fours, wide, singly, rewritten, file, recipe: Recipe::of(stage) }
 }
 
 impl Source {
@@ -361,6 +367,9 @@ impl Source {
                 ShapeKind::Read => reads::memory(shape, index),
                 ShapeKind::Write if self.wide.contains(&shape.name) => {
                     reads::wide(shape, index, fetched.has_pairs(index))
+                }
+                ShapeKind::Write if self.rewritten == Some(shape.name) => {
+                    reads::rewritten(shape, index, fetched.has(index))
                 }
                 ShapeKind::Write => buffer(shape, index),
                 ShapeKind::Field { bricks: true, format, .. } => {

@@ -147,12 +147,13 @@ impl Store {
     }
 
     /// What a stage reads as storage textures, as many as there may be: fields, unless they are one texture that is `sampled`,
-    /// then buffers that are there and fit a texture, four words at a time those of `fours`; and textures of our own.
+    /// then buffers that are there and fit a texture, four words at a time those of `fours`, and the one that is `held` there while
+    /// it is written; and textures of our own.
     pub(crate) fn fetched(
         &self,
         shapes: &[Shape],
         bindings: &[Binding],
-        (sampled, fours): (impl Fn(&str) -> bool, &[&str]),
+        (sampled, fours, held): (impl Fn(&str) -> bool, &[&str], Option<&str>),
         limits: &wgpu::Limits,
     ) -> Fetched {
         let mut left = limits.max_storage_textures_per_shader_stage;
@@ -177,7 +178,7 @@ impl Store {
             let ours = |id| matches!(self.resources.get(&id), Some(Resource::Texels(_)));
             let bytes = match (binding.access, binding.id) {
                 (BindingAccess::Read(bytes), Some(_)) => bytes,
-                (BindingAccess::Write(bytes), Some(id)) if ours(id) => bytes,
+                (BindingAccess::Write(bytes), Some(id)) if ours(id) || held == Some(binding.name) => bytes,
                 _ => continue,
             };
             let fours = fours.contains(&binding.name);
@@ -213,6 +214,20 @@ impl Store {
                 let stale = memory.texels.iter().filter(|texels| texels.of(words) && !texels.fresh.replace(true));
                 let (buffer, bytes) = (&memory.buffer, memory.bytes);
                 copies.extend(stale.map(|texels| Copy { buffer, bytes, texels }));
+            }
+        }
+        copies
+    }
+
+    /// The copies that a stage writes in place of their buffers.
+    pub(crate) fn written(&self, bindings: &[Binding], fetched: Fetched) -> Vec<Copy<'_>> {
+        let mut copies = Vec::new();
+        for (index, binding) in bindings.iter().enumerate().filter(|(index, _)| fetched.has(*index)) {
+            let resource = binding.id.and_then(|id| self.resources.get(&id));
+            if let (BindingAccess::Write(_), Some(Resource::Buffer(memory))) = (binding.access, resource) {
+                let words = fetched.words(index, binding.element);
+                let texels = memory.texels.iter().filter(|texels| texels.of(words));
+                copies.extend(texels.map(|texels| Copy { buffer: &memory.buffer, bytes: memory.bytes, texels }));
             }
         }
         copies

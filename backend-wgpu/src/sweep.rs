@@ -9,8 +9,8 @@ use airlight_core::stage::{Kernel as _, Stage, Sweep, SweepParams};
 use crate::WgpuDevice;
 use crate::memory::Resource;
 use crate::part::Part;
-use crate::source::FEW_ROWS;
-use crate::source::sweep::{ABREAST, Kernel};
+use crate::source::sweep::Kernel;
+use crate::source::{ABREAST, FEW_ROWS};
 use crate::store::own;
 use crate::texels::{self, Texels};
 

@@ -55,7 +55,7 @@ impl Texels {
             sample_count: 1,
             dimension: TextureDimension::D2,
             format: format(words),
-            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST,
+            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC,
             view_formats: &[],
         };
         let texture = gpu.texture(width * height * 4 * u64::from(words), &description)?;
@@ -78,16 +78,24 @@ pub(crate) struct Copy<'s> {
 }
 
 impl Copy<'_> {
+    /// Copies the buffer.
     pub(crate) fn encode(&self, encoder: &mut CommandEncoder) {
+        self.pieces().for_each(|(memory, texels, size)| encoder.copy_buffer_to_texture(memory, texels, size));
+    }
+
+    /// Copies back into the buffer.
+    pub(crate) fn encode_back(&self, encoder: &mut CommandEncoder) {
+        self.pieces().for_each(|(memory, texels, size)| encoder.copy_texture_to_buffer(texels, memory, size));
+    }
+
+    /// Whole rows, then what is left.
+    fn pieces(&self) -> impl Iterator<Item = (TexelCopyBufferInfo<'_>, TexelCopyTextureInfo<'_>, Extent3d)> {
         let Self { buffer, bytes, texels: Texels { texture, words, .. } } = self;
         let texel = 4 * u64::from(*words);
         let count = bytes.div_ceil(texel).max(1);
         let across = u64::from(texture.width());
-        // Whole rows, then what is left.
-        for (first, width, height) in [(0, across, count / across), (count - count % across, count % across, 1)] {
-            if width == 0 || height == 0 {
-                continue;
-            }
+        let pieces = [(0, across, count / across), (count - count % across, count % across, 1)];
+        pieces.into_iter().filter(|&(_, width, height)| width > 0 && height > 0).map(move |(first, width, height)| {
             let bytes_per_row = (height > 1).then_some((across * texel) as u32);
             let layout = TexelCopyBufferLayout { offset: first * texel, bytes_per_row, rows_per_image: None };
             let texels = TexelCopyTextureInfo {
@@ -97,9 +105,8 @@ impl Copy<'_> {
                 aspect: TextureAspect::All,
             };
             let size = Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 };
-            let memory = TexelCopyBufferInfo { buffer, layout };
-            encoder.copy_buffer_to_texture(memory, texels, size);
-        }
+            (TexelCopyBufferInfo { buffer, layout }, texels, size)
+        })
     }
 }
 

@@ -311,6 +311,7 @@ impl Rig {
             occupancy,
             lights: self.fill(&places)?,
             faces,
+            values: self.make(u64::from(lights) * count(cells), Usage::Work)?,
             out: self.make(u64::from(PropagateParams::LANES * layers) * count(cells), Usage::Work)?,
         };
         Ok((Stage::Propagate(stage), u64::from(lights) * count(cells)))

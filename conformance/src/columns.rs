@@ -213,6 +213,7 @@ impl Lit {
                 Scheme::ShortCharacteristics => Some(bench.buf(&faces(&places, cells))?),
                 Scheme::Metric | Scheme::Published => None,
             },
+            values: bench.room(count * self.lights.len(), Usage::Work)?,
             out,
         });
         stage.validate()?;

@@ -7,13 +7,16 @@ use airlight_conformance::{Subject, cases, listed};
 use airlight_opencl::{Lanes, OpenclDevice};
 
 /// Between them they take the branches that packets and scalars write differently.
-const CASES: [&str; 20] = [
+const CASES: [&str; 23] = [
     "stage::reduce::two_fields",
     "stage::reduce::probes",
     "stage::coarsen::own_emission",
     "stage::coarsen::own_scattering",
     "stage::inject::gaussians_rotated",
     "stage::project::toward_eye_with_emission",
+    "stage::propagate::short_characteristics_special_places",
+    "stage::propagate::short_characteristics_wide_faces",
+    "stage::propagate::metric_sheared",
     "stage::relight::layers_with_emission",
     "stage::trace::room",
     "stage::sweep::everything_between_surfaces",

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use airlight_core::device::DeviceError;
 use airlight_core::stage::propagate::scheme;
-use airlight_core::stage::{LightFace, LightPlace, Propagate, PropagateParams};
+use airlight_core::stage::{Kernel as _, LightFace, LightPlace, Propagate, PropagateParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
@@ -12,11 +12,13 @@ use super::sample::Ray;
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, I, LANES, M, dot, lanes, triple};
 use crate::simd::{Floats, Portable, Simd};
 
-/// Packets that one task takes at the least.
-const TASK: usize = 8;
+/// Packets that one task integrates in.
+const TASK: usize = 32;
+/// Packets of a step from which on tasks share them.
+const MANY: usize = 256;
 
 struct Inputs<'a> {
     p: &'a PropagateParams,
@@ -26,20 +28,16 @@ struct Inputs<'a> {
     faces: &'a [LightFace],
 }
 
-/// Sixteen cells that a step finishes for a light; those that are none are negative.
-struct Cells<'a> {
-    light: usize,
-    place: &'a LightPlace,
-    face: Option<&'a LightFace>,
+/// Sixteen cells; what is beyond `count` repeats the first one.
+struct Cells {
     at: [[i32; 3]; LANES],
+    count: usize,
 }
 
-/// Where a value goes in the output, and the value.
-type Done = (usize, f32);
-
 pub(crate) fn run(stage: &Propagate, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
+    memory.take(stage.values)?;
     memory.take(stage.out)?;
-    let (mut out, read) = memory.split();
+    let (mut written, read) = memory.split();
     let p = &stage.params;
     let inputs = Inputs {
         p,
@@ -48,104 +46,170 @@ pub(crate) fn run(stage: &Propagate, range: Range<u32>, memory: &mut Memory<'_>,
         lights: &read.buf(stage.lights)?[..p.lights as usize],
         faces: read.opt(stage.faces)?,
     };
-    let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
-    let each = (p.items / p.lights) as usize;
-    let packets = each.div_ceil(LANES);
-    for step in range {
-        // A step reads what earlier ones wrote, and nothing of its own.
-        let known = &*out;
-        let done: Vec<Done> = (0..packets * inputs.lights.len())
-            .into_par_iter()
-            .with_min_len(TASK)
-            .flat_map_iter(|n| propagate(&inputs, known, isa, step, n / packets, n % packets * LANES))
-            .collect();
-        for (place, value) in done {
-            out[place] = value;
-        }
+    let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(written.remove(1));
+    let values: &mut [f32] = bytemuck::cast_slice_mut(written.remove(0));
+    let values = &mut values[..p.count() as usize * inputs.lights.len()];
+    propagate(&inputs, isa, &range, values);
+    if range.end == stage.axis() {
+        lay(p, values, out);
     }
     Ok(())
 }
 
-/// Sixteen items of a step for a light, from `first` on.
-fn propagate(
-    inputs: &Inputs<'_>,
-    known: &[f32],
-    isa: Isa,
-    step: u32,
-    light: usize,
-    first: usize,
-) -> impl Iterator<Item = Done> + use<> {
+/// Runs a range of units.
+fn propagate(inputs: &Inputs<'_>, isa: Isa, range: &Range<u32>, values: &mut [f32]) {
+    let (count, first) = (inputs.p.count() as usize, inputs.p.integrated());
+    let lights = range.start as usize..range.end.min(first) as usize;
+    if let Some(integrated) = values.get_mut(lights.start * count..lights.end * count) {
+        integrated.par_chunks_mut(count).zip(lights).for_each(|(values, light)| {
+            let tasks = values.par_chunks_mut(TASK * LANES).enumerate();
+            tasks.for_each(|(task, values)| integrate(inputs, isa, light, task * TASK * LANES, values));
+        });
+    }
+    let steps = range.start.max(first) - first..range.end.max(first) - first;
+    // Lights do not wait for each other.
+    values.par_chunks_mut(count).enumerate().for_each(|(light, values)| {
+        steps.clone().for_each(|step| finish(inputs, isa, step as usize, light, values));
+    });
+}
+
+/// Items of a step of a light, of which some may be no cells.
+fn items(p: &PropagateParams, face: Option<&LightFace>) -> usize {
+    face.map_or(p.items / p.lights, |face| face.count_0 * face.count_1) as usize
+}
+
+/// Integrates in cells from the one of a number on.
+fn integrate(inputs: &Inputs<'_>, isa: Isa, light: usize, first: usize, values: &mut [f32]) {
+    for (packet, values) in values.chunks_mut(LANES).enumerate() {
+        let (place, cells) = (&inputs.lights[light], &Cells::numbered(inputs.p, first + packet * LANES));
+        let mut found = [0.0; LANES];
+        let out = &mut found;
+        compiled_for!(isa, piece<S>(inputs: &Inputs<'_>, place: &LightPlace, cells: &Cells, out: &mut Floats));
+        values.copy_from_slice(&found[..values.len()]);
+    }
+}
+
+/// Finishes the cells of a step for a light.
+fn finish(inputs: &Inputs<'_>, isa: Isa, step: usize, light: usize, values: &mut [f32]) {
     let p = inputs.p;
     let place = &inputs.lights[light];
-    let short = p.scheme == scheme::SHORT_CHARACTERISTICS;
-    let face = short.then(|| &inputs.faces[step as usize * inputs.lights.len() + light]);
-    let item = |i: usize| match face {
-        Some(face) => on_face(face, (first + i) as u32),
-        None => in_shell(p, place, step, (first + i) as u32),
-    };
-    let mut at = [0; LANES].map(|_| [-1; 3]);
-    let mut live = None;
-    for (i, at) in at.iter_mut().enumerate() {
-        let cell = item(i).filter(|&cell| inside(p, cell));
-        *at = cell.unwrap_or([-1; 3]);
-        live = live.or(cell);
-    }
-    let mut values = [0.0; LANES];
-    let mut done = [None; LANES];
-    if let Some(live) = live {
-        // Lanes without a cell repeat another and are not stored.
-        let cells = Cells { light, place, face, at: at.map(|at| if at[0] < 0 { live } else { at }) };
-        if short {
-            let (cells, values) = (&cells, &mut values);
-            compiled_for!(isa, mean<S>(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, values: &mut Floats));
+    let face = inputs.faces.get(step * inputs.lights.len() + light);
+    let items = items(p, face);
+    // What a packet finishes.
+    let packet = |known: &[f32], n: usize| {
+        let cells = match face {
+            Some(face) => Cells::on_face(face, n * LANES),
+            None => Cells::in_shell(p, place, step, n * LANES..items.min((n + 1) * LANES)),
+        };
+        let mut found = [0.0; LANES];
+        if let Some(face) = face {
+            let (axis, cells, out) = (face.axis as usize, &cells, &mut found);
+            compiled_for!(
+                isa,
+                mean<S>(
+                    inputs: &Inputs<'_>,
+                    place: &LightPlace,
+                    axis: usize,
+                    known: &[f32],
+                    cells: &Cells,
+                    out: &mut Floats,
+                )
+            );
         } else {
-            values = lanes!(i => gathered(inputs, known, &cells, cells.at[i]));
+            (0..cells.count).for_each(|i| found[i] = gathered(inputs, known, place, cells.at[i]));
         }
-        for i in 0..LANES {
-            done[i] = (at[i][0] >= 0).then(|| (index(p, at[i], light), values[i]));
+        (cells, found)
+    };
+    let store = |values: &mut [f32], (cells, found): (Cells, Floats)| {
+        (0..cells.count).for_each(|i| values[index(p, cells.at[i])] = found[i]);
+    };
+    // A step reads what earlier ones wrote, and nothing of its own.
+    let packets = items.div_ceil(LANES);
+    if packets < MANY {
+        (0..packets).for_each(|n| store(values, packet(values, n)));
+    } else {
+        let done: Vec<_> = (0..packets).into_par_iter().with_min_len(TASK).map(|n| packet(values, n)).collect();
+        done.into_iter().for_each(|done| store(values, done));
+    }
+}
+
+impl Cells {
+    /// Cells from the one of a number on.
+    fn numbered(p: &PropagateParams, first: usize) -> Self {
+        let [nx, ny] = [p.cells[0] as usize, p.cells[1] as usize];
+        let count = LANES.min(p.count() as usize - first);
+        let at = |n: usize| [n % nx, n / nx % ny, n / nx / ny].map(|x| x as i32);
+        Self::new((first..first + count).map(at))
+    }
+
+    /// Cells of a face from item `first` on.
+    fn on_face(face: &LightFace, first: usize) -> Self {
+        let plane = face.plane as i32;
+        let (across, all) = (face.count_0 as usize, (face.count_0 * face.count_1) as usize);
+        let at = |n: usize| {
+            let (b, c) = (face.first_0 as i32 + (n % across) as i32, face.first_1 as i32 + (n / across) as i32);
+            match face.axis {
+                0 => [plane, b, c],
+                1 => [b, plane, c],
+                _ => [b, c, plane],
+            }
+        };
+        Self::new((first..all.min(first + LANES)).map(at))
+    }
+
+    /// Cells of the shell `step` hops from the light's first cell: of each row along x, two items, the cell on one side and on the
+    /// other.
+    fn in_shell(p: &PropagateParams, light: &LightPlace, step: usize, items: Range<usize>) -> Self {
+        let at = |n: usize| {
+            let (y, z) = ((n / 2) as u32 % p.cells[1], (n / 2) as u32 / p.cells[1]);
+            let left = step as i32 - y.abs_diff(light.first[1]) as i32 - z.abs_diff(light.first[2]) as i32;
+            // Where no hop is left, both sides are one cell.
+            let twice = left == 0 && n % 2 == 1;
+            let x = light.first[0] as i32 + if n.is_multiple_of(2) { left } else { -left };
+            let at = [x, y as i32, z as i32];
+            (left >= 0 && !twice && inside(p, at)).then_some(at)
+        };
+        Self::new(items.filter_map(at))
+    }
+
+    fn new(cells: impl Iterator<Item = [i32; 3]>) -> Self {
+        let (mut at, mut count) = ([[0; 3]; LANES], 0);
+        for (lane, cell) in at.iter_mut().zip(cells) {
+            *lane = cell;
+            count += 1;
         }
+        // Other lanes are a cell as well.
+        let first = at[0];
+        at[count..].fill(first);
+        Self { at, count }
     }
-    // The last light's items also write what lies beyond it in its layer.
-    let lanes = (p.cells[3] * PropagateParams::LANES) as usize;
-    let beyond = if light + 1 == inputs.lights.len() { lanes - light } else { 1 };
-    done.into_iter()
-        .flatten()
-        .flat_map(move |(place, value)| (0..beyond).map(move |k| (place + k, if k == 0 { value } else { 0.0 })))
-}
 
-/// Cell `n` of a face.
-fn on_face(face: &LightFace, n: u32) -> Option<[i32; 3]> {
-    if face.axis == LightFace::NONE || n >= face.count_0 * face.count_1 {
-        return None;
+    fn packets<S: Simd>(&self) -> [I<S>; 3] {
+        triple!(a => I::of(lanes!(i => self.at[i][a])))
     }
-    let first = (face.first_0 + n % face.count_0) as i32;
-    let second = (face.first_1 + n / face.count_0) as i32;
-    let plane = face.plane as i32;
-    Some(match face.axis {
-        0 => [plane, first, second],
-        1 => [first, plane, second],
-        _ => [first, second, plane],
-    })
 }
 
-/// Item `n` of the shell `step` hops from the light's first cell: of a row along x, the cell on one side or the other.
-fn in_shell(p: &PropagateParams, light: &LightPlace, step: u32, n: u32) -> Option<[i32; 3]> {
-    let (y, z) = (n / 2 % p.cells[1], n / 2 / p.cells[1]);
-    let left = step as i32 - y.abs_diff(light.first[1]) as i32 - z.abs_diff(light.first[2]) as i32;
-    // Where no hop is left, both sides are one cell.
-    let twice = left == 0 && n % 2 == 1;
-    let x = light.first[0] as i32 + if n.is_multiple_of(2) { left } else { -left };
-    (left >= 0 && !twice).then_some([x, y as i32, z as i32])
+/// Ways from cells to a light.
+struct Way<S> {
+    /// In cell units.
+    u: [F<S>; 3],
+    /// Their longest components.
+    longest: F<S>,
+    /// Where the light is nearer than one cell.
+    near: M<S>,
+    /// Metres of them within the box.
+    length: F<S>,
+    /// What is integrated of them.
+    piece: Ray<S>,
 }
 
-/// Mean density along the way within the box.
 #[inline(always)]
-fn mean<S: Simd>(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, out: &mut Floats) {
+fn way_to<S: Simd>(inputs: &Inputs<'_>, light: &LightPlace, cells: &Cells) -> Way<S> {
     let p = inputs.p;
-    let Some(face) = cells.face else { return };
-    let (place, size, axis) = (&cells.place.place, inputs.density.size(), face.axis as usize);
+    let (place, size) = (&light.place, inputs.density.size());
     let has_place = place[3] == 1.0;
-    let at = triple!(a => F::of(lanes!(i => cells.at[i][a] as f32)));
+    let at = cells.packets::<S>();
+    let at = triple!(a => at[a].to_float());
     let u = triple!(a => if has_place { F::splat(place[a]) - at[a] } else { F::splat(place[a]) });
     let origin = triple!(a => (at[a] + 0.5) * p.cell[a] - 0.5);
     // At a light a way so short that nothing changes along it, and so long that its column is a normal number: devices
@@ -153,91 +217,132 @@ fn mean<S: Simd>(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, out: &mu
     let metres = metres(p, u).max(F::splat(1e-30));
     let toward = triple!(a => u[a] * p.cell[a] / metres);
     let limit = if has_place { metres } else { F::splat(f32::INFINITY) };
-    let all = M::ALL;
-    let way = Ray::through(origin, toward, size, limit, p.cell[3]);
-    let length = way.step * way.steps;
-    if face.near == 1 {
-        let column = way.column(inputs.density, None, all) / length.max(F::splat(1e-30));
-        *out = way.steps.gt(F::ZERO).select(column, inputs.density.sample::<S>(origin)).0;
-        return;
-    }
-    let longest = u[axis].max(-u[axis]);
-    let piece = Ray::through(origin, toward, size, metres / longest, p.cell[3]);
-    let rest = length - piece.step * piece.steps;
-    let mut beyond = F::ZERO;
-    for i in 0..LANES {
-        if rest.0[i] > 0.0 {
-            beyond.0[i] = interpolated(p, known, cells, cells.at[i], triple!(a => u[a].0[i]), longest.0[i], axis);
-        }
-    }
-    *out = ((piece.column(inputs.density, None, all) + beyond * rest) / length).0;
+    let all = Ray::through(origin, toward, size, limit, p.cell[3]);
+    let longest = u[0].abs().max(u[1].abs()).max(u[2].abs());
+    let near = if has_place { longest.lt(F::ONE) } else { M::NONE };
+    let next = Ray::through(origin, toward, size, metres / longest, p.cell[3]);
+    let length = all.step * all.steps;
+    let piece = Ray { step: near.select(all.step, next.step), steps: near.select(all.steps, next.steps), ..all };
+    Way { u, longest, near, length, piece }
 }
 
-/// Mean density where the way meets the next plane of centres along `axis`.
+/// What is integrated of ways: the mean density of all of it, or the column of a piece.
 #[inline(always)]
-fn interpolated(
-    p: &PropagateParams,
-    known: &[f32],
-    cells: &Cells<'_>,
-    at: [i32; 3],
-    u: [f32; 3],
-    longest: f32,
-    axis: usize,
-) -> f32 {
-    let far = cells.place.place[3] == 0.0;
-    let hop = u.map(|u| if u < 0.0 { -1 } else { 1 });
-    let b = if axis == 0 { 1 } else { 0 };
-    let c = if axis == 2 { 1 } else { 2 };
-    let along_b = nodes(at[b], p.cells[b] as i32, u[b], longest, far);
-    let along_c = nodes(at[c], p.cells[c] as i32, u[c], longest, far);
-    let mut sum = 0.0;
-    for j in 0..4 {
-        for i in 0..4 {
-            let weight = along_b[i] * along_c[j];
-            let mut cell = at;
-            cell[axis] += hop[axis];
-            cell[b] += hop[b] * (i as i32 - 1);
-            cell[c] += hop[c] * (j as i32 - 1);
-            // Cells without weight may not be known yet.
-            if weight != 0.0 && inside(p, cell) {
-                sum += weight * known[index(p, cell, cells.light)];
+fn piece<S: Simd>(inputs: &Inputs<'_>, light: &LightPlace, cells: &Cells, out: &mut Floats) {
+    let ways = way_to::<S>(inputs, light, cells);
+    let column = ways.piece.column(inputs.density, None, M::ALL);
+    let mut found = column;
+    if ways.near.any() {
+        let mean = column / ways.length.max(F::splat(1e-30));
+        let here = inputs.density.sample::<S>(ways.piece.origin);
+        found = ways.near.select(ways.piece.steps.gt(F::ZERO).select(mean, here), column);
+    }
+    *out = found.0;
+}
+
+/// Mean density along ways within the box, of cells of a face that is normal to `axis`.
+#[inline(always)]
+fn mean<S: Simd>(inputs: &Inputs<'_>, light: &LightPlace, axis: usize, known: &[f32], cells: &Cells, out: &mut Floats) {
+    let ways = way_to::<S>(inputs, light, cells);
+    let at = cells.packets::<S>();
+    let own = Known::new(inputs.p, known);
+    let piece = own.values(own.places(at), M::ALL);
+    let rest = ways.length - ways.piece.step * ways.piece.steps;
+    let beyond = rest.gt(F::ZERO).select(own.interpolated(light, axis, &ways, at), F::ZERO);
+    *out = ways.near.select(piece, (piece + beyond * rest) / ways.length).0;
+}
+
+/// The values of a light's cells.
+struct Known<'a> {
+    values: &'a [f32],
+    cells: [i32; 3],
+    /// How far neighbours along each axis lie apart.
+    pitch: [i32; 3],
+}
+
+impl<'a> Known<'a> {
+    #[inline(always)]
+    fn new(p: &PropagateParams, values: &'a [f32]) -> Self {
+        let cells = triple!(a => p.cells[a] as i32);
+        assert!(values.len() == p.count() as usize && i32::try_from(values.len()).is_ok(), "a value a cell");
+        Self { values, cells, pitch: [1, cells[0], cells[0] * cells[1]] }
+    }
+
+    /// Where cells lie.
+    #[inline(always)]
+    fn places<S: Simd>(&self, at: [I<S>; 3]) -> I<S> {
+        at[0].plus(at[1].times(self.pitch[1])).plus(at[2].times(self.pitch[2]))
+    }
+
+    /// The values at places in the grid, and zero elsewhere.
+    #[inline(always)]
+    fn values<S: Simd>(&self, places: I<S>, inside: M<S>) -> F<S> {
+        let within = inside.and(places.below(self.values.len() as i32)).and(places.below(0).not());
+        let places = within.either(places, I::ZERO);
+        // SAFETY: `new` asked for as many values as cells, of which there is one at least; each place is that of one of them.
+        #[allow(unsafe_code)]
+        let values = F::of(unsafe { S::one(self.values, places.0) });
+        within.select(values, F::ZERO)
+    }
+
+    /// Mean density where ways meet the next plane of centres along `axis`.
+    #[inline(always)]
+    fn interpolated<S: Simd>(&self, light: &LightPlace, axis: usize, ways: &Way<S>, at: [I<S>; 3]) -> F<S> {
+        let far = light.place[3] == 0.0;
+        let (b, c) = (if axis == 0 { 1 } else { 0 }, if axis == 2 { 1 } else { 2 });
+        let hop = triple!(a => ways.u[a].lt(F::ZERO).either(I::splat(-1), I::splat(1)));
+        let along_b = self.nodes(at[b], hop[b], self.cells[b], ways.u[b], ways.longest, far);
+        let along_c = self.nodes(at[c], hop[c], self.cells[c], ways.u[c], ways.longest, far);
+        let onward = within(at[axis].plus(hop[axis]), self.cells[axis]);
+        let (on, up) = (hop[b].times(self.pitch[b]), hop[c].times(self.pitch[c]));
+        let next = self.places(at).plus(hop[axis].times(self.pitch[axis]));
+        let mut sum = F::ZERO;
+        for j in 0..4 {
+            let there = onward.and(within(at[c].plus(hop[c].times(j - 1)), self.cells[c]));
+            for i in 0..4 {
+                let weight = along_b[i as usize] * along_c[j as usize];
+                let inside = there.and(within(at[b].plus(hop[b].times(i - 1)), self.cells[b]));
+                // Cells without weight may not be known yet.
+                let weighs = weight.lt(F::ZERO).or(weight.gt(F::ZERO)).and(inside);
+                let value = self.values(next.plus(on.times(i - 1)).plus(up.times(j - 1)), weighs);
+                sum = weighs.select(sum + weight * value, sum);
             }
         }
+        sum.max(F::ZERO)
     }
-    sum.max(0.0)
-}
 
-/// Weights of the cells at -1, 0, 1 and 2 hops toward the light from cell `x` of `cells` along an axis.
-#[inline(always)]
-fn nodes(x: i32, cells: i32, u: f32, longest: f32, far: bool) -> [f32; 4] {
-    let hop = if u < 0.0 { -1 } else { 1 };
-    if !within(x + hop, cells) {
-        return [0.0, 1.0, 0.0, 0.0];
-    }
-    let way = u.abs();
-    let f = if way >= longest { 1.0 } else { way / longest };
-    let g = 1.0 - f;
-    let before = within(x - hop, cells) && (far || way + 1.0 < longest);
-    let after = within(x + 2 * hop, cells) && (far || (way - 2.0).abs() < longest);
-    match (before, after) {
-        (true, true) => [
-            -f * g * (1.0 + g) / 6.0,
-            (1.0 + f) * g * (1.0 + g) / 2.0,
-            (1.0 + f) * f * (1.0 + g) / 2.0,
-            -f * g * (1.0 + f) / 6.0,
-        ],
-        (false, true) => [0.0, g * (1.0 + g) / 2.0, f * (1.0 + g), -f * g / 2.0],
-        (true, false) => [-f * g / 2.0, g * (1.0 + f), f * (1.0 + f) / 2.0, 0.0],
-        (false, false) => [0.0, g, f, 0.0],
+    /// Weights of the cells at -1, 0, 1 and 2 hops toward the light from cells `x` of `cells` along an axis.
+    #[inline(always)]
+    fn nodes<S: Simd>(&self, x: I<S>, hop: I<S>, cells: i32, u: F<S>, longest: F<S>, far: bool) -> [F<S>; 4] {
+        let one = F::ONE;
+        let way = u.abs();
+        // A division may be off by more than rounding, and at 1 the cell itself must have no weight.
+        let f = way.ge(longest).select(one, way / longest);
+        let g = one - f;
+        let nearer = |m: M<S>| if far { M::ALL } else { m };
+        let here = within(x.plus(hop), cells);
+        let before = within(x.plus(hop.times(-1)), cells).and(nearer((way + 1.0).lt(longest)));
+        let after = within(x.plus(hop.times(2)), cells).and(nearer((way - 2.0).abs().lt(longest)));
+        let either = |both: F<S>, after_alone: F<S>, before_alone: F<S>, neither: F<S>, own: F<S>| {
+            let with_after = before.select(both, after_alone);
+            let without = before.select(before_alone, neither);
+            here.select(after.select(with_after, without), own)
+        };
+        [
+            either(-f * g * (g + 1.0) / 6.0, F::ZERO, -f * g / 2.0, F::ZERO, F::ZERO),
+            either((f + 1.0) * g * (g + 1.0) / 2.0, g * (g + 1.0) / 2.0, g * (f + 1.0), g, one),
+            either((f + 1.0) * f * (g + 1.0) / 2.0, f * (g + 1.0), (f + 1.0) * f / 2.0, f, F::ZERO),
+            either(-f * g * (f + 1.0) / 6.0, -f * g / 2.0, F::ZERO, F::ZERO, F::ZERO),
+        ]
     }
 }
 
 /// Column gathered from the neighbours toward the light.
-fn gathered(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, at: [i32; 3]) -> f32 {
+fn gathered(inputs: &Inputs<'_>, known: &[f32], light: &LightPlace, at: [i32; 3]) -> f32 {
     let p = inputs.p;
-    let place = &cells.place.place;
+    let place = &light.place;
     let u = triple!(a => if place[3] == 1.0 { place[a] - at[a] as f32 } else { place[a] });
-    let local = inputs.occupancy[index(p, at, 0) / (4 * p.cells[3] as usize)][0];
+    let local = inputs.occupancy[index(p, at)][0];
     let edge = |a: usize| metres(p, triple!(b => F::<Portable>::splat(if a == b { 1.0 } else { 0.0 }))).0[0];
     let published = p.scheme == scheme::PUBLISHED;
     let hops = u[0].abs() + u[1].abs() + u[2].abs();
@@ -254,30 +359,29 @@ fn gathered(inputs: &Inputs<'_>, known: &[f32], cells: &Cells<'_>, at: [i32; 3])
         let mut next = at;
         next[a] += if u[a] < 0.0 { -1 } else { 1 };
         if u[a] != 0.0 && inside(p, next) {
-            sum += u[a].abs() * known[index(p, next, cells.light)];
+            sum += u[a].abs() * known[index(p, next)];
         }
     }
     (local * length + sum) / hops
 }
 
-/// Whether cell `x` is one of `cells` along an axis.
+/// Where cells `x` are among `cells` along an axis.
 #[inline(always)]
-fn within(x: i32, cells: i32) -> bool {
-    x >= 0 && x < cells
+fn within<S: Simd>(x: I<S>, cells: i32) -> M<S> {
+    x.below(cells).and(x.below(0).not())
 }
 
 /// Whether a cell lies in the grid.
 #[inline(always)]
 fn inside(p: &PropagateParams, at: [i32; 3]) -> bool {
-    (0..3).all(|a| within(at[a], p.cells[a] as i32))
+    (0..3).all(|a| (0..p.cells[a] as i32).contains(&at[a]))
 }
 
-/// Where a cell's value for a light lies in the output.
+/// The number of a cell.
 #[inline(always)]
-fn index(p: &PropagateParams, at: [i32; 3], light: usize) -> usize {
+fn index(p: &PropagateParams, at: [i32; 3]) -> usize {
     let [x, y, z] = at.map(|x| x as usize);
-    let [nx, ny, _, layers] = p.cells.map(|n| n as usize);
-    ((z * ny + y) * nx + x) * 4 * layers + light
+    (z * p.cells[1] as usize + y) * p.cells[0] as usize + x
 }
 
 /// Metres of a way in cell units.
@@ -287,4 +391,17 @@ fn metres<S: Simd>(p: &PropagateParams, u: [F<S>; 3]) -> F<S> {
     let rows = [&p.world_x, &p.world_y, &p.world_z];
     let w = triple!(a => v[0] * rows[a][0] + v[1] * rows[a][1] + v[2] * rows[a][2]);
     dot(w, w).sqrt()
+}
+
+/// Lays all values out, with zeros beyond the last light.
+fn lay(p: &PropagateParams, values: &[f32], out: &mut [[f32; 4]]) {
+    let (count, layers) = (p.count() as usize, p.cells[3] as usize);
+    let tasks = out[..count * layers].par_chunks_mut(TASK * LANES * layers);
+    tasks.enumerate().for_each(|(task, out)| {
+        for (cell, out) in (task * TASK * LANES..).zip(out.chunks_mut(layers)) {
+            let lanes = out.as_flattened_mut();
+            lanes.fill(0.0);
+            lanes.iter_mut().zip(values.iter().skip(cell).step_by(count)).for_each(|(lane, value)| *lane = *value);
+        }
+    });
 }

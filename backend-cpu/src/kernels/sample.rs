@@ -83,7 +83,7 @@ pub(crate) struct Ray<S> {
     /// Direction in voxels per metre.
     pub(crate) direction: [F<S>; 3],
     /// Metres per voxel, of its sign.
-    inverse: [F<S>; 3],
+    pub(crate) inverse: [F<S>; 3],
     /// Metres along the ray where the first step begins.
     pub(crate) start: F<S>,
     /// Length of a step, metres; zero where there is none.

@@ -256,7 +256,8 @@ impl WgpuDevice {
         let shots = shots.collect::<Result<Vec<_>, DeviceError>>()?;
         self.store.wrote(&bindings);
         let (units, copies) = (text::UNITS, Vec::new());
-        let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, shots };
+        let written = Vec::new();
+        let launches = Launches { pipeline, params, units, aligned: 1, sequential: None, copies, written, shots };
         let what = "an engine's frame";
         let recorded = launch::record(&mut self.gpu, &mut self.groups, &self.limits, what, &[launches], None);
         // Its textures may be gone with its next frame.

@@ -64,6 +64,26 @@ pub(crate) fn held(shape: &Shape, index: usize) -> String {
     )
 }
 
+/// A buffer of floats that a kernel reads and writes, or where `held` its copy: the functions that do, and the one that waits for what
+/// others of a workgroup wrote.
+pub(crate) fn rewritten(shape: &Shape, index: usize, held: bool) -> String {
+    let (name, binding, at) = (shape.name, slab_binding(index, 0), place("i"));
+    let (declared, read, write, wait) = if held {
+        (
+            format!("@group(2) @binding({binding}) var {name}: texture_storage_2d<r32uint, read_write>;\n"),
+            format!("bitcast<f32>(textureLoad({name}, {at}).x)"),
+            format!("textureStore({name}, {at}, vec4<u32>(bitcast<u32>(v)))"),
+            "textureBarrier",
+        )
+    } else {
+        (super::buffer(shape, index), format!("{name}[i]"), format!("{name}[i] = v"), "storageBarrier")
+    };
+    format!(
+        "{declared}fn read_{name}(i: u32) -> f32 {{\n    return {read};\n}}\nfn write_{name}(i: u32, v: f32) {{\n    {write};\n}}\nfn \
+         wait_{name}() {{\n    {wait}();\n}}\n"
+    )
+}
+
 /// A buffer of floats that a kernel writes by four, or singly where it says so: the functions that do. Where `pairs` two floats are
 /// an integer of 64 bits, which drivers that store one value of one invocation at a time store at once; that is not for kernels that
 /// write single floats.
@@ -222,8 +242,8 @@ pub(crate) fn greys(structs: &str, name: &str, known: &[Option<Fact>]) -> String
     grey.collect()
 }
 
-/// A kernel's text that copies its parameters, a struct of that `name`, into `kept_params` before all else, and writes over them
-/// what is known. Lines stay where they are.
+/// A kernel's text that copies its parameters, a struct of that `name`, into `kept_params` before all else, at each of its entry
+/// points, and writes over them what is known. Lines stay where they are.
 ///
 /// What is not known is joined with zeros that drivers cannot tell to be zero. Mesa's makes kernels anew for the values of uniforms
 /// that alone decide a condition, with every dispatch for which they change: some ten milliseconds, or a whole compilation.
@@ -235,14 +255,16 @@ pub(crate) fn kept(text: &str, structs: &str, name: &str, known: &[(&str, &Fact)
         out += if within { "params." } else { "kept_params." };
         out += part;
     }
-    let Some(body) = out.find("@compute").and_then(|entry| Some(entry + out[entry..].find(") {\n")? + 3)) else {
-        return out;
-    };
     let fact = |name| known.iter().find(|(known, _)| *known == name).and_then(|(_, fact)| fact.statement(name));
     let copied = fields(structs, name).into_iter().map(|(name, kind)| fact(name).unwrap_or_else(|| hidden(name, kind)));
     let copied: String = copied.collect();
-    let (before, after) = out.split_at(body);
-    format!("{before} kept_params = params; let none = id.x >> 31u;{copied}{after}")
+    let mut parts = out.split("@compute");
+    let mut whole = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (head, body) = part.split_at(part.find(") {\n").map_or(0, |end| end + 3));
+        whole += &format!("@compute{head} kept_params = params; let none = id.x >> 31u;{copied}{body}");
+    }
+    whole
 }
 
 /// The statement that hides a field of the copy from drivers, by the highest bit of a workgroup's number.

@@ -5,9 +5,6 @@ use airlight_core::stage::{SweepDirection, SweepParams};
 
 use super::{Place, Shape, ShapeKind, Text, Variant, WGSL, buffer, helper, kept, places, reads, specialised, uniforms};
 
-/// Invocations of a workgroup of [`Kernel::Rows`]: a packet of Mesa's software driver, which has no other to wait for at barriers.
-pub(crate) const ABREAST: u32 = 8;
-
 /// One of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kernel {
@@ -53,11 +50,10 @@ impl Kernel {
     /// The text for bindings of these shapes.
     pub(crate) fn text(self, shapes: &[Shape], variant: Variant<'_>) -> Text {
         let structs = SweepParams::text(WGSL) + &SweepDirection::text(WGSL);
-        let units = if self == Self::Rows { ABREAST } else { variant.units };
         let mut prelude = structs.clone()
             + &uniforms(SweepParams::NAME, false)
             + &kept(SweepParams::NAME, variant.known)
-            + &WGSL.integer("UNITS", units);
+            + &WGSL.integer("UNITS", variant.units);
         for (index, shape) in shapes.iter().enumerate() {
             prelude += &WGSL.truth(&format!("has_{}", shape.name), shape.present);
             prelude += &match shape.kind {

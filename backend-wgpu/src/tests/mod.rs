@@ -4,6 +4,7 @@
 mod engine;
 mod filter;
 mod project;
+mod propagate;
 mod publish;
 mod staging;
 mod steady;

@@ -103,6 +103,8 @@ pub(crate) fn cases() -> Vec<Case> {
             set("two_at_one_place", vec![At([1.3, 2.2, 5.1]), Toward([0.3, 0.2, 1.0]), At([1.3, 2.2, 5.1])]),
             Set { cells: [3, 2, 3], step: 0.02, ..set("coarse_cells", inside(5)) },
             Set { cells: [13, 9, 17], ..set("fine_cells", inside(2)) },
+            // Steps that devices share among cores, where they take small ones in order.
+            Set { cells: [128, 2, 96], ..set("wide_faces", vec![At([41.3, 0.4, -60.7])]) },
             Set { cells: [1, 1, 7], ..set("a_row_of_cells", vec![At([0.2, -0.3, 3.4]), Toward([0.0, 0.0, -1.0])]) },
         ]);
         for map in [Map::Rotated, Map::Sheared, Map::Mirrored] {
@@ -159,6 +161,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         occupancy: gathers.then(|| bench.buf(&means)).transpose()?,
         lights: bench.buf(&places)?,
         faces: (!gathers).then(|| bench.buf(&faces(&places, set.cells))).transpose()?,
+        values: bench.room(cells * places.len(), Usage::Work)?,
         out: bench.room(cells * 4 * params.cells[3] as usize, Usage::Work)?,
     };
     let out = stage.out;

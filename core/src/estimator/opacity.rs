@@ -91,10 +91,11 @@ pub(super) fn propagate<'a>(
         let (places, len) = (places.clone(), u64::from(steps) * u64::from(lights));
         plan.upload("light faces", len, &(content, cells), move || faces(&places, cells))
     });
-    let values = count.saturating_mul((layers * PropagateParams::LANES).into());
-    let out = plan.work("light depths", values);
+    let values = plan.work("depths of lights", count.saturating_mul(lights.into()));
+    let out = plan.work("light depths", count.saturating_mul((layers * PropagateParams::LANES).into()));
     let lights = plan.table("light places", places);
-    plan.stage(Stage::Propagate(Propagate { params, density: medium.density, occupancy, lights, faces, out }));
+    let density = medium.density;
+    plan.stage(Stage::Propagate(Propagate { params, density, occupancy, lights, faces, values, out }));
     let spec = FieldSpec::dense(cells, layers, FieldFormat::Rgba);
     LightDepth { field: plan.publish("light depth", out, spec), mean }
 }

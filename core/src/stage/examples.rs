@@ -43,6 +43,7 @@ pub fn examples(full: bool) -> [Stage; Stage::NAMES.len()] {
             occupancy: full.then(|| buf(1)),
             lights: buf(2),
             faces: full.then(|| buf(3)),
+            values: buf(5),
             out: buf(4),
         }),
         Stage::Relight(Relight {

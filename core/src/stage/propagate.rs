@@ -5,7 +5,8 @@
 //! longest component is 1. A *column* is ∫ ρ along that way within the box, in units of density times metres.
 //!
 //! Each step of the work axis finishes some cells of every light from those that earlier steps finished, so that the
-//! steps run in order. Schemes ([`scheme`]):
+//! steps run in order. For short characteristics a unit of each light, which integrates in all cells, comes before them. Schemes
+//! ([`scheme`]):
 //!
 //! - `PUBLISHED`, equation 6. S is the centre of the light's cell, which may lie outside the grid. A cell gathers from
 //!   its neighbours toward the light, one along each axis, weighed with w_b = |u_b|:
@@ -21,10 +22,11 @@
 //!   through the cells at -1, 0, 1 and 2 toward the light from X's, without those at -1 and 2 that are not nearer to
 //!   the light than X in the maximum norm or lie outside the grid, and by X's own where 1 lies outside; negative values
 //!   become zero. Columns are integrated on the density's own grid by the midpoint rule, in steps as the march's.
-//!   Cells follow in order of ‖u‖∞, face by face ([`faces`]); for a directional light plane by plane.
+//!   Cells follow in order of ‖u‖∞, face by face ([`faces`]); for a directional light plane by plane. What is integrated of a
+//!   way, the mean density where that is all of it and else the column to Y, needs no other cell: it comes first.
 //!
 //! The output is laid out \[cell\]\[layer\] as RGBA, four lights a vector, ready to be published as a field; values
-//! beyond the last light are zero.
+//! beyond the last light are zero. It is whole when the last step is done.
 
 use glam::DVec3;
 
@@ -62,7 +64,7 @@ kernel_struct! {
         cell: F32x4,
         /// Lights.
         lights: U32,
-        /// Steps, the length of the work axis.
+        /// Steps. The work axis is as long, and for short characteristics by the lights longer.
         steps: U32,
         /// A constant of [`scheme`].
         scheme: U32,
@@ -116,6 +118,9 @@ pub struct Propagate {
     pub lights: Buf<LightPlace>,
     /// [`faces`]; read by short characteristics.
     pub faces: Option<Buf<LightFace>>,
+    /// Columns or mean densities that are known so far, of short characteristics what is integrated of the others, laid out
+    /// \[light\]\[cell\].
+    pub values: Buf<f32>,
     /// Columns or mean densities, laid out \[cell\]\[layer\]\[RGBA\].
     pub out: Buf<f32>,
 }
@@ -267,6 +272,16 @@ impl PropagateParams {
     /// Lights of a layer.
     pub const LANES: u32 = 4;
 
+    /// Units of the work axis that integrate in all cells, one a light; after them come the steps.
+    pub fn integrated(&self) -> u32 {
+        if self.scheme == scheme::SHORT_CHARACTERISTICS { self.lights } else { 0 }
+    }
+
+    /// Cells of the grid.
+    pub fn count(&self) -> u32 {
+        self.cells[..3].iter().product()
+    }
+
     /// Items of a step: for short characteristics the cells of the largest face; else two cells of each row along x,
     /// one on either side of the light; of every light. None where that is too many.
     pub fn most_items(cells: [u32; 3], lights: u32, scheme: u32) -> Option<u32> {
@@ -312,12 +327,13 @@ impl Kernel for Propagate {
             Binding::read("occupancy", self.occupancy),
             Binding::read("lights", Some(self.lights)),
             Binding::read("faces", self.faces),
+            Binding::write("values", Some(self.values)),
             Binding::write("light_depth", Some(self.out)),
         ]
     }
 
     fn axis(&self) -> u32 {
-        self.params.steps
+        self.params.integrated().saturating_add(self.params.steps)
     }
 
     fn sequential(&self) -> Option<u32> {
@@ -342,6 +358,8 @@ impl Kernel for Propagate {
         let values = count * u64::from(layers) * u64::from(PropagateParams::LANES);
         require!(u32::try_from(values).is_ok(), "{layers} layers of {count} cells");
         require!(self.out.len >= values, "{} places for {layers} layers of {count} cells", self.out.len);
+        let values = count * u64::from(p.lights);
+        require!(self.values.len >= values, "{} values of {values}", self.values.len);
         if p.scheme == scheme::SHORT_CHARACTERISTICS {
             let needed = u64::from(p.steps) * u64::from(p.lights);
             require!(self.faces.is_some_and(|b| b.len >= needed), "fewer than {needed} faces");

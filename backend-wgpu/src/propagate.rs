@@ -1,0 +1,67 @@
+//! `propagate` by kernels that share its work axis: one integrates in all cells of some lights, others take the steps. Where a dispatch
+//! costs more than a step, a workgroup takes the items of a light in order.
+
+use std::ops::Range;
+
+use airlight_core::stage::{PropagateParams, Stage};
+
+use crate::WgpuDevice;
+use crate::part::Part;
+use crate::source::ABREAST;
+
+/// The entry point that integrates.
+const PIECES: &str = "propagate_pieces";
+/// The entry point that takes steps in order.
+pub(crate) const IN_ORDER: &str = "propagate_in_order";
+
+/// Items of a light's step that threads share, in place of one of them: some 0.2 ms of it, which is what a dispatch costs.
+const MANY: u32 = 8192;
+/// Turns of an invocation's loops for an item: its own, and those that write what lies beyond the last light.
+const TURNS: u64 = PropagateParams::LANES as u64 + 1;
+
+impl WgpuDevice {
+    /// The parts of a range of units.
+    pub(crate) fn propagate_parts(&self, stage: &Stage, p: &PropagateParams, range: Range<u32>) -> Vec<Part> {
+        let steps = range.start.max(p.integrated())..range.end.max(p.integrated());
+        let lights = range.start..range.end.min(steps.start);
+        let mut parts = Vec::new();
+        // Kernels count the cells of lights in 32 bits.
+        parts.extend(chunks(lights, (u32::MAX / p.count()).max(1)).map(|lights| pieces(stage, p, lights)));
+        match self.steps_at_once(p) {
+            Some(most) => parts.extend(chunks(steps, most).map(|steps| in_order(stage, p, steps))),
+            None if steps.is_empty() => {}
+            None => parts.push(Part::of(stage, steps)),
+        }
+        parts
+    }
+
+    /// Steps that a workgroup takes in order: as many as the turns of loops allow for, on drivers that run on processors, whose threads
+    /// have enough to do.
+    fn steps_at_once(&self, p: &PropagateParams) -> Option<u32> {
+        let items = p.items / p.lights;
+        let few = u64::from(items) < u64::from(MANY) * u64::from(p.lights);
+        let turns = u64::from(items / ABREAST + 1) * TURNS + 1;
+        // Loops turn once more before they end.
+        let most = self.info.limits.loop_turns.map_or(u64::MAX, |most| most.saturating_sub(1).into()) / turns;
+        (self.texels && few && most > 0).then(|| most.try_into().unwrap_or(u32::MAX))
+    }
+}
+
+/// A range cut into some of at most so many units.
+fn chunks(range: Range<u32>, most: u32) -> impl Iterator<Item = Range<u32>> {
+    let end = range.end;
+    range.step_by(most as usize).map(move |start| start..end.min(start.saturating_add(most)))
+}
+
+fn pieces(stage: &Stage, p: &PropagateParams, lights: Range<u32>) -> Part {
+    let mut part = Part::of(stage, 0..1);
+    part.sequential = Some(p.count() * lights.len() as u32);
+    (part.name, part.axis, part.steps) = (PIECES, 1, Some(lights));
+    part
+}
+
+fn in_order(stage: &Stage, p: &PropagateParams, steps: Range<u32>) -> Part {
+    let mut part = Part::of(stage, 0..p.lights);
+    (part.name, part.axis, part.steps, part.sequential) = (IN_ORDER, p.lights, Some(steps), None);
+    part
+}
