@@ -70,9 +70,9 @@ fn items(face: LightFace) -> u32 {
 
 // Integrates in a cell of a number.
 fn integrate(light: u32, n: u32) {
-    let row = divide(n, params.cells.x);
-    let slice = divide(row.x, params.cells.y);
-    let at = vec3<i32>(vec3<u32>(row.y, slice.y, slice.x));
+    let slice = divide(n, params.cells.x * params.cells.y);
+    let row = divide(slice.y, params.cells.x);
+    let at = vec3<i32>(vec3<u32>(row.y, row.x, slice.x));
     write_values(slot(at, light), piece(way_to(read_lights(light).place, at)));
 }
 

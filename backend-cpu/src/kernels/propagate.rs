@@ -44,7 +44,7 @@ pub(crate) fn run(stage: &Propagate, range: Range<u32>, memory: &mut Memory<'_>,
         density: read.scalars(stage.density)?,
         occupancy: read.opt(stage.occupancy)?,
         lights: &read.buf(stage.lights)?[..p.lights as usize],
-        faces: read.opt(stage.faces)?,
+        faces: if p.scheme == scheme::SHORT_CHARACTERISTICS { read.opt(stage.faces)? } else { &[] },
     };
     let out: &mut [[f32; 4]] = bytemuck::cast_slice_mut(written.remove(1));
     let values: &mut [f32] = bytemuck::cast_slice_mut(written.remove(0));

@@ -160,7 +160,8 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         density: bench.scalars(DIMS.to_array(), &rho)?,
         occupancy: gathers.then(|| bench.buf(&means)).transpose()?,
         lights: bench.buf(&places)?,
-        faces: (!gathers).then(|| bench.buf(&faces(&places, set.cells))).transpose()?,
+        // Those that gather have no use for them.
+        faces: Some(bench.buf(&faces(&places, set.cells))?),
         values: bench.room(cells * places.len(), Usage::Work)?,
         out: bench.room(cells * 4 * params.cells[3] as usize, Usage::Work)?,
     };
