@@ -261,7 +261,7 @@ impl Source {
             let lights = (end.min(integrated) - launch.start).min(most);
             return of_items(lights, p.count(), lights);
         }
-        if self.width == 1 || u64::from(each) >= u64::from(PROPAGATE_MANY) * u64::from(p.lights) {
+        if self.width == 1 || each >= PROPAGATE_MANY {
             return of_items(p.lights, each, 1);
         }
         let units = end - launch.start;

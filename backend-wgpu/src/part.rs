@@ -6,7 +6,7 @@ use std::ops::Range;
 use airlight_core::device::Binding;
 use airlight_core::stage::Stage;
 
-use crate::propagate::IN_ORDER;
+use crate::propagate::{IN_ORDER, PIECES};
 use crate::source::sweep::Kernel as Kind;
 use crate::source::{self, ABREAST, Fact, Fetched, Numbers, Place, Shape, Text, Variant, order};
 
@@ -275,7 +275,7 @@ impl Part {
     /// The buffer of floats that it reads and writes more often than it is worth to copy.
     pub(crate) fn held(&self) -> Option<&'static str> {
         match &self.kernel {
-            Kernel::Stage(source) if self.name == IN_ORDER => source.rewritten,
+            Kernel::Stage(source) if self.name != PIECES => source.rewritten,
             _ => None,
         }
     }

@@ -10,11 +10,12 @@ use crate::part::Part;
 use crate::source::ABREAST;
 
 /// The entry point that integrates.
-const PIECES: &str = "propagate_pieces";
+pub(crate) const PIECES: &str = "propagate_pieces";
 /// The entry point that takes steps in order.
 pub(crate) const IN_ORDER: &str = "propagate_in_order";
 
-/// Items of a light's step that threads share, in place of one of them: some 0.2 ms of it, which is what a dispatch costs.
+/// Items of a light's step from which on threads share them, in place of one of them that takes steps in order: then they are worth a
+/// dispatch, and what lights hold leaves the caches of a core.
 const MANY: u32 = 8192;
 /// Turns of an invocation's loops for an item: its own, and those that write what lies beyond the last light.
 const TURNS: u64 = PropagateParams::LANES as u64 + 1;
@@ -35,15 +36,14 @@ impl WgpuDevice {
         parts
     }
 
-    /// Steps that a workgroup takes in order: as many as the turns of loops allow for, on drivers that run on processors, whose threads
-    /// have enough to do.
+    /// Steps that a workgroup takes in order, on drivers that run on processors, where they are small: as many as the turns of loops
+    /// allow for.
     fn steps_at_once(&self, p: &PropagateParams) -> Option<u32> {
         let items = p.items / p.lights;
-        let few = u64::from(items) < u64::from(MANY) * u64::from(p.lights);
         let turns = u64::from(items / ABREAST + 1) * TURNS + 1;
         // Loops turn once more before they end.
         let most = self.info.limits.loop_turns.map_or(u64::MAX, |most| most.saturating_sub(1).into()) / turns;
-        (self.texels && few && most > 0).then(|| most.try_into().unwrap_or(u32::MAX))
+        (self.texels && items < MANY && most > 0).then(|| most.try_into().unwrap_or(u32::MAX))
     }
 }
 
