@@ -29,7 +29,7 @@ uint items(const Bound *bound, uint light, uint step);
 void integrate(const Bound *bound, uint light, uint first);
 void finish(const Bound *bound, uint light, uint step, uint first);
 Cells cells_of(const int *x, const int *y, const int *z, uint count);
-Cells on_face(__global const LightFace *face, uint first);
+Cells on_face(const Bound *bound, __global const LightFace *face, uint first);
 Cells in_shell(const Bound *bound, uint light, uint step, uint first);
 Way way_to(const Bound *bound, uint light, const Cells *cells);
 F piece(const Bound *bound, const Way *way);
@@ -109,7 +109,7 @@ void finish(const Bound *bound, uint light, uint step, uint first) {
     F found;
     if (bound->params->scheme == SCHEME_SHORT_CHARACTERISTICS) {
         __global const LightFace *face = bound->faces + (size_t)step * bound->params->lights + light;
-        cells = on_face(face, first);
+        cells = on_face(bound, face, first);
         if (cells.count == 0u) {
             return;
         }
@@ -151,18 +151,28 @@ Cells cells_of(const int *x, const int *y, const int *z, uint count) {
 }
 
 // Cells of a face from item `first` on.
-Cells on_face(__global const LightFace *face, uint first) {
+Cells on_face(const Bound *bound, __global const LightFace *face, uint first) {
     uint across = face->count_0;
     uint all = face->axis == NO_FACE ? 0u : across * face->count_1;
-    uint count = first < all ? min((uint)WIDTH, all - first) : 0u;
+    uint end = min(first + WIDTH, all);
     int plane[WIDTH] = {0};
     int b[WIDTH] = {0};
     int c[WIDTH] = {0};
-    for (uint i = 0u; i < count; i++) {
-        uint row = (first + i) / across;
-        plane[i] = (int)face->plane;
-        b[i] = (int)(face->first_0 + first + i - row * across);
-        c[i] = (int)(face->first_1 + row);
+    uint4 cells = bound->params->cells;
+    uint deep = face->axis == 0u ? cells.x : face->axis == 1u ? cells.y : cells.z;
+    uint along_b = face->axis == 0u ? cells.y : cells.x;
+    uint along_c = face->axis == 2u ? cells.y : cells.z;
+    uint count = 0u;
+    for (uint n = first; n < end; n++) {
+        uint row = n / across;
+        uint at_b = face->first_0 + n - row * across;
+        uint at_c = face->first_1 + row;
+        if (face->plane < deep && at_b < along_b && at_c < along_c) {
+            plane[count] = (int)face->plane;
+            b[count] = (int)at_b;
+            c[count] = (int)at_c;
+            count++;
+        }
     }
     if (face->axis == 0u) {
         return cells_of(plane, b, c, count);

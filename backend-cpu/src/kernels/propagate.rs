@@ -98,7 +98,7 @@ fn finish(inputs: &Inputs<'_>, isa: Isa, step: usize, light: usize, values: &mut
     // What a packet finishes.
     let packet = |known: &[f32], n: usize| {
         let cells = match face {
-            Some(face) => Cells::on_face(face, n * LANES),
+            Some(face) => Cells::on_face(p, face, n * LANES),
             None => Cells::in_shell(p, place, step, n * LANES..items.min((n + 1) * LANES)),
         };
         let mut found = [0.0; LANES];
@@ -143,7 +143,7 @@ impl Cells {
     }
 
     /// Cells of a face from item `first` on.
-    fn on_face(face: &LightFace, first: usize) -> Self {
+    fn on_face(p: &PropagateParams, face: &LightFace, first: usize) -> Self {
         let plane = face.plane as i32;
         let (across, all) = (face.count_0 as usize, (face.count_0 * face.count_1) as usize);
         let at = |n: usize| {
@@ -154,7 +154,7 @@ impl Cells {
                 _ => [b, c, plane],
             }
         };
-        Self::new((first..all.min(first + LANES)).map(at))
+        Self::new((first..all.min(first + LANES)).map(at).filter(|&at| inside(p, at)))
     }
 
     /// Cells of the shell `step` hops from the light's first cell: of each row along x, two items, the cell on one side and on the
