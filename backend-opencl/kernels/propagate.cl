@@ -1,6 +1,6 @@
 // `propagate`: columns or mean densities from every cell to each light. Of short characteristics a dispatch integrates in the cells of
 // some lights, a work-item a packet of them. After that one a dispatch is one step, a work-item a packet of its items; or some steps, of
-// which a workgroup of a single work-item takes the items of a light in order.
+// which a workgroup of a single work-item takes the items of a light in order. The last one lays out what packets of cells hold.
 
 // Cells, and how many they are; lanes past the last repeat the first.
 typedef struct {
@@ -28,6 +28,7 @@ uint integrated(const Bound *bound);
 uint items(const Bound *bound, uint light, uint step);
 void integrate(const Bound *bound, uint light, uint first);
 void finish(const Bound *bound, uint light, uint step, uint first);
+void lay_out(const Bound *bound, uint first);
 Cells cells_of(const int *x, const int *y, const int *z, uint count);
 Cells on_face(const Bound *bound, __global const LightFace *face, uint first);
 Cells in_shell(const Bound *bound, uint light, uint step, uint first);
@@ -45,18 +46,24 @@ F metres(const Bound *bound, F3 u);
 void run_propagate(const Bound *bound) {
     uint n = (uint)(number() / WIDTH);
     uint start = bound->launch->start;
+    uint packets = (counted(bound) + WIDTH - 1u) / WIDTH;
     if (start < integrated(bound)) {
-        uint packets = (counted(bound) + WIDTH - 1u) / WIDTH;
         if (n < bound->launch->count) {
             integrate(bound, start + n / packets, n % packets * WIDTH);
         }
         return;
     }
     uint step = start - integrated(bound);
+    if (step == bound->params->steps) {
+        if (n < packets) {
+            lay_out(bound, n * WIDTH);
+        }
+        return;
+    }
     if (bound->launch->count > 0u) {
-        uint packets = (bound->params->items / bound->params->lights + WIDTH - 1u) / WIDTH;
+        uint of_light = (bound->params->items / bound->params->lights + WIDTH - 1u) / WIDTH;
         if (n < bound->launch->count) {
-            finish(bound, n / packets, step, n % packets * WIDTH);
+            finish(bound, n / of_light, step, n % of_light * WIDTH);
         }
         return;
     }
@@ -125,15 +132,20 @@ void finish(const Bound *bound, uint light, uint step, uint first) {
     uint places[WIDTH];
     unpack(found, values);
     unpack(as_index(index(bound, &cells)), places);
-    uint lanes = 4u * bound->params->cells.w;
-    // The last light's items also write what lies beyond it in its layer.
-    uint beyond = light + 1u == bound->params->lights ? lanes - light : 1u;
     for (uint i = 0u; i < cells.count; i++) {
         known[places[i]] = values[i];
-        __global float *out = bound->light_depth + (size_t)places[i] * lanes + light;
-        out[0] = values[i];
-        for (uint k = 1u; k < beyond; k++) {
-            out[k] = 0.0f;
+    }
+}
+
+// Lays out what cells from the one of a number on hold, with zeros beyond the last light.
+void lay_out(const Bound *bound, uint first) {
+    uint lights = bound->params->lights;
+    uint lanes = 4u * bound->params->cells.w;
+    uint end = min(first + WIDTH, counted(bound));
+    for (uint n = first; n < end; n++) {
+        __global float *out = bound->light_depth + (size_t)n * lanes;
+        for (uint light = 0u; light < lanes; light++) {
+            out[light] = light < lights ? bound->values[(size_t)light * counted(bound) + n] : 0.0f;
         }
     }
 }

@@ -247,8 +247,8 @@ impl Source {
         Ok(Dispatch { launch: Launch { count, ..launch }, units, items, team, scratch: 0 })
     }
 
-    /// Lights of which all cells are integrated in are a dispatch. Steps are dispatches of their own, of packets of items; or, where
-    /// cores take packets and a step is few of them, one in which a work-item takes those of a light in order.
+    /// Lights of which all cells are integrated in are a dispatch, and so is the last unit. Steps are dispatches of their own, of packets
+    /// of items; or, where cores take packets and a step is few of them, one in which a work-item takes those of a light in order.
     fn next_propagate(&self, p: &PropagateParams, launch: Launch, end: u32) -> Dispatch {
         let (integrated, each) = (p.integrated(), p.items / p.lights);
         let of_items = |lights: u32, items: u32, units| {
@@ -261,10 +261,13 @@ impl Source {
             let lights = (end.min(integrated) - launch.start).min(most);
             return of_items(lights, p.count(), lights);
         }
+        if launch.start >= p.finished() {
+            return of_items(1, p.count(), 1);
+        }
         if self.width == 1 || each >= PROPAGATE_MANY {
             return of_items(p.lights, each, 1);
         }
-        let units = end - launch.start;
+        let units = end.min(p.finished()) - launch.start;
         Dispatch { launch: Launch { units, ..launch }, units, items: p.lights.into(), team: Some(1), scratch: 0 }
     }
 

@@ -1,6 +1,7 @@
 // `propagate`: columns or mean densities from every cell to each light. Of short characteristics a dispatch integrates in the cells
 // of some lights (`propagate_pieces`), an invocation a cell. After it a dispatch is one step, of which an invocation takes an item; or
-// some steps, of which a workgroup takes the items of a light in order (`propagate_in_order`).
+// some steps, of which a workgroup takes the items of a light in order (`propagate_in_order`). The last one lays out what cells hold
+// (`propagate_output`), an invocation a layer of a cell.
 
 @compute @workgroup_size(UNITS)
 fn propagate(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -49,6 +50,16 @@ fn propagate_pieces(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocat
     integrate(light.x, light.y);
 }
 
+@compute @workgroup_size(UNITS)
+fn propagate_output(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = number(id) * UNITS + lane;
+    if n >= launch.count {
+        return;
+    }
+    let layer = divide(n, counted());
+    lay_out(layer.x, layer.y);
+}
+
 // Units before the first step.
 fn integrated() -> u32 {
     return select(0u, params.lights, params.scheme == SCHEME_SHORT_CHARACTERISTICS);
@@ -94,14 +105,21 @@ fn finish(face: LightFace, place: LightPlace, light: u32, step: u32, n: u32) {
         value = gathered(place.place, light, at);
     }
     write_values(slot(at, light), value);
-    let layers = index(at) * 4u * params.cells.w + light;
-    light_depth[layers] = value;
-    if light + 1u == params.lights {
-        // The last light's items also write what lies beyond it in its layer.
-        for (var k = 1u; k < 4u * params.cells.w - light; k++) {
-            light_depth[layers + k] = 0.0;
-        }
+}
+
+// Lays out what a cell of a number holds of a layer, with zeros beyond the last light.
+fn lay_out(layer: u32, n: u32) {
+    let first = 4u * layer;
+    let four = vec4<f32>(known(first, n), known(first + 1u, n), known(first + 2u, n), known(first + 3u, n));
+    put_light_depth(n * params.cells.w + layer, four);
+}
+
+// What a cell of a number holds for a light.
+fn known(light: u32, n: u32) -> f32 {
+    if light >= params.lights {
+        return 0.0;
     }
+    return read_values(light * counted() + n);
 }
 
 // Cell `n` of a face; negative where there is none.

@@ -1,5 +1,5 @@
-//! `propagate` by kernels that share its work axis: one integrates in all cells of some lights, others take the steps. Where a dispatch
-//! costs more than a step, a workgroup takes the items of a light in order.
+//! `propagate` by kernels that share its work axis: one integrates in all cells of some lights, others take the steps, and one lays the
+//! output out. Where a dispatch costs more than a step, a workgroup takes the items of a light in order.
 
 use std::ops::Range;
 
@@ -13,17 +13,18 @@ use crate::source::ABREAST;
 pub(crate) const PIECES: &str = "propagate_pieces";
 /// The entry point that takes steps in order.
 pub(crate) const IN_ORDER: &str = "propagate_in_order";
+/// The entry point that lays the output out.
+pub(crate) const OUTPUT: &str = "propagate_output";
 
 /// Items of a light's step from which on threads share them, in place of one of them that takes steps in order: then they are worth a
 /// dispatch, and what lights hold leaves the caches of a core.
 const MANY: u32 = 8192;
-/// Turns of an invocation's loops for an item: its own, and those that write what lies beyond the last light.
-const TURNS: u64 = PropagateParams::LANES as u64 + 1;
 
 impl WgpuDevice {
     /// The parts of a range of units.
     pub(crate) fn propagate_parts(&self, stage: &Stage, p: &PropagateParams, range: Range<u32>) -> Vec<Part> {
-        let steps = range.start.max(p.integrated())..range.end.max(p.integrated());
+        let step = |unit: u32| unit.clamp(p.integrated(), p.finished());
+        let steps = step(range.start)..step(range.end);
         let lights = range.start..range.end.min(steps.start);
         let mut parts = Vec::new();
         // Kernels count the cells of lights in 32 bits.
@@ -33,6 +34,7 @@ impl WgpuDevice {
             None if steps.is_empty() => {}
             None => parts.push(Part::of(stage, steps)),
         }
+        parts.extend((range.end > p.finished()).then(|| output(stage, p)));
         parts
     }
 
@@ -40,7 +42,7 @@ impl WgpuDevice {
     /// allow for.
     fn steps_at_once(&self, p: &PropagateParams) -> Option<u32> {
         let items = p.items / p.lights;
-        let turns = u64::from(items / ABREAST + 1) * TURNS + 1;
+        let turns = u64::from(items / ABREAST + 2);
         // Loops turn once more before they end.
         let most = self.info.limits.loop_turns.map_or(u64::MAX, |most| most.saturating_sub(1).into()) / turns;
         (self.texels && items < MANY && most > 0).then(|| most.try_into().unwrap_or(u32::MAX))
@@ -57,6 +59,13 @@ fn pieces(stage: &Stage, p: &PropagateParams, lights: Range<u32>) -> Part {
     let mut part = Part::of(stage, 0..1);
     part.sequential = Some(p.count() * lights.len() as u32);
     (part.name, part.axis, part.steps) = (PIECES, 1, Some(lights));
+    part
+}
+
+fn output(stage: &Stage, p: &PropagateParams) -> Part {
+    let mut part = Part::of(stage, 0..1);
+    part.sequential = Some(p.count() * p.cells[3]);
+    (part.name, part.axis) = (OUTPUT, 1);
     part
 }
 

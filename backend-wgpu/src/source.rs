@@ -279,6 +279,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
     let wide: &[&str] = match stage {
         Stage::Relight(_) | Stage::Reconstruct(_) => &["in_scatter"],
         Stage::Classify(_) => &["classified"],
+        Stage::Propagate(_) => &["light_depth"],
         _ => &[],
     };
     let singly = matches!(stage, Stage::Classify(classify) if classify.params.channels() == 1);

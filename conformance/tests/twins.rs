@@ -41,7 +41,6 @@ const CPU: Backend = Backend {
         ("reduce", "run", MEMORY),
         ("project", "run", MEMORY),
         ("propagate", "run", MEMORY),
-        ("propagate", "lay", "values lie apart by lights until the last step"),
         ("propagate", "numbered", LANES),
         ("propagate", "new", LANES),
         ("propagate", "packets", LANES),
@@ -206,6 +205,8 @@ const WGPU: Backend = Backend {
     own: &[
         ("propagate", "propagate_in_order", "an entry point of its own, in place of another way through one"),
         ("propagate", "propagate_pieces", "an entry point of its own, in place of another way through one"),
+        ("propagate", "propagate_output", "an entry point of its own, in place of another way through one"),
+        ("propagate", "known", "loops elsewhere"),
         ("propagate", "row", "loops elsewhere"),
         ("propagate", "weighed", "loops elsewhere"),
         ("propagate", "inside", ALONE),

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use airlight_core::device::DeviceError;
 use airlight_core::stage::propagate::scheme;
-use airlight_core::stage::{Kernel as _, LightFace, LightPlace, Propagate, PropagateParams};
+use airlight_core::stage::{LightFace, LightPlace, Propagate, PropagateParams};
 use rayon::prelude::*;
 
 use super::field::Scalars;
@@ -50,8 +50,8 @@ pub(crate) fn run(stage: &Propagate, range: Range<u32>, memory: &mut Memory<'_>,
     let values: &mut [f32] = bytemuck::cast_slice_mut(written.remove(0));
     let values = &mut values[..p.count() as usize * inputs.lights.len()];
     propagate(&inputs, isa, &range, values);
-    if range.end == stage.axis() {
-        lay(p, values, out);
+    if range.end > p.finished() {
+        lay_out(p, values, out);
     }
     Ok(())
 }
@@ -66,7 +66,8 @@ fn propagate(inputs: &Inputs<'_>, isa: Isa, range: &Range<u32>, values: &mut [f3
             tasks.for_each(|(task, values)| integrate(inputs, isa, light, task * TASK * LANES, values));
         });
     }
-    let steps = range.start.max(first) - first..range.end.max(first) - first;
+    let step = |unit: u32| unit.clamp(first, inputs.p.finished()) - first;
+    let steps = step(range.start)..step(range.end);
     // Lights do not wait for each other.
     values.par_chunks_mut(count).enumerate().for_each(|(light, values)| {
         steps.clone().for_each(|step| finish(inputs, isa, step as usize, light, values));
@@ -131,6 +132,19 @@ fn finish(inputs: &Inputs<'_>, isa: Isa, step: usize, light: usize, values: &mut
         let done: Vec<_> = (0..packets).into_par_iter().with_min_len(TASK).map(|n| packet(values, n)).collect();
         done.into_iter().for_each(|done| store(values, done));
     }
+}
+
+/// Lays all values out, with zeros beyond the last light.
+fn lay_out(p: &PropagateParams, values: &[f32], out: &mut [[f32; 4]]) {
+    let (count, layers) = (p.count() as usize, p.cells[3] as usize);
+    let tasks = out[..count * layers].par_chunks_mut(TASK * LANES * layers);
+    tasks.enumerate().for_each(|(task, out)| {
+        for (cell, out) in (task * TASK * LANES..).zip(out.chunks_mut(layers)) {
+            let lanes = out.as_flattened_mut();
+            lanes.fill(0.0);
+            lanes.iter_mut().zip(values.iter().skip(cell).step_by(count)).for_each(|(lane, value)| *lane = *value);
+        }
+    });
 }
 
 impl Cells {
@@ -391,17 +405,4 @@ fn metres<S: Simd>(p: &PropagateParams, u: [F<S>; 3]) -> F<S> {
     let rows = [&p.world_x, &p.world_y, &p.world_z];
     let w = triple!(a => v[0] * rows[a][0] + v[1] * rows[a][1] + v[2] * rows[a][2]);
     dot(w, w).sqrt()
-}
-
-/// Lays all values out, with zeros beyond the last light.
-fn lay(p: &PropagateParams, values: &[f32], out: &mut [[f32; 4]]) {
-    let (count, layers) = (p.count() as usize, p.cells[3] as usize);
-    let tasks = out[..count * layers].par_chunks_mut(TASK * LANES * layers);
-    tasks.enumerate().for_each(|(task, out)| {
-        for (cell, out) in (task * TASK * LANES..).zip(out.chunks_mut(layers)) {
-            let lanes = out.as_flattened_mut();
-            lanes.fill(0.0);
-            lanes.iter_mut().zip(values.iter().skip(cell).step_by(count)).for_each(|(lane, value)| *lane = *value);
-        }
-    });
 }

@@ -5,8 +5,8 @@
 //! longest component is 1. A *column* is ∫ ρ along that way within the box, in units of density times metres.
 //!
 //! Each step of the work axis finishes some cells of every light from those that earlier steps finished, so that the
-//! steps run in order. For short characteristics a unit of each light, which integrates in all cells, comes before them. Schemes
-//! ([`scheme`]):
+//! steps run in order. For short characteristics a unit of each light, which integrates in all cells, comes before them; a last unit
+//! lays the output out. Schemes ([`scheme`]):
 //!
 //! - `PUBLISHED`, equation 6. S is the centre of the light's cell, which may lie outside the grid. A cell gathers from
 //!   its neighbours toward the light, one along each axis, weighed with w_b = |u_b|:
@@ -26,7 +26,7 @@
 //!   way, the mean density where that is all of it and else the column to Y, needs no other cell: it comes first.
 //!
 //! The output is laid out \[cell\]\[layer\] as RGBA, four lights a vector, ready to be published as a field; values
-//! beyond the last light are zero. It is whole when the last step is done.
+//! beyond the last light are zero. It is written when the last step is done.
 
 use glam::DVec3;
 
@@ -64,7 +64,7 @@ kernel_struct! {
         cell: F32x4,
         /// Lights.
         lights: U32,
-        /// Steps. The work axis is as long, and for short characteristics by the lights longer.
+        /// Steps. The work axis is by one longer, and for short characteristics by the lights as well.
         steps: U32,
         /// A constant of [`scheme`].
         scheme: U32,
@@ -277,6 +277,11 @@ impl PropagateParams {
         if self.scheme == scheme::SHORT_CHARACTERISTICS { self.lights } else { 0 }
     }
 
+    /// Units of the work axis before the last, which lays the output out.
+    pub fn finished(&self) -> u32 {
+        self.integrated().saturating_add(self.steps)
+    }
+
     /// Cells of the grid.
     pub fn count(&self) -> u32 {
         self.cells[..3].iter().product()
@@ -333,7 +338,7 @@ impl Kernel for Propagate {
     }
 
     fn axis(&self) -> u32 {
-        self.params.integrated().saturating_add(self.params.steps)
+        self.params.finished().saturating_add(1)
     }
 
     fn sequential(&self) -> Option<u32> {
@@ -350,6 +355,7 @@ impl Kernel for Propagate {
         require!(p.cell.iter().all(|c| c.is_finite() && *c > 0.0), "cells and step {:?}", p.cell);
         require!(p.scheme <= scheme::PUBLISHED, "scheme {}", p.scheme);
         require!(p.lights > 0 && p.steps > 0, "{} lights in {} steps", p.lights, p.steps);
+        require!(p.finished() < u32::MAX, "{} steps of {} lights", p.steps, p.lights);
         require!(layers == p.lights.div_ceil(PropagateParams::LANES), "{layers} layers for {} lights", p.lights);
         require!(self.lights.len >= p.lights.into(), "{} places for {} lights", self.lights.len, p.lights);
         let items = PropagateParams::most_items(cells, p.lights, p.scheme);
