@@ -25,7 +25,7 @@ fn incident(light: LightRecord, d: vec3<f32>, t: f32) -> Incident {
     // Not by the distance: where software drivers have both sides at once that is FAR, and what is as small as that is slow.
     let toward = v / sqrt(max(square, 1.2e-38));
     var falloff = 1.0 / max(square, params.light_floor);
-    if light.cone.z == 1.0 {
+    if params.spots > 0u && light.cone.z == 1.0 {
         // A cone without a rim is a step at the cutoff.
         let rim = max(light.cone.y - light.cone.x, 1e-6);
         let angle = angle_of_cosine(dot(-light.axis.xyz, toward));

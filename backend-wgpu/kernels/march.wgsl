@@ -286,45 +286,57 @@ fn direct(at: vec3<f32>, direction: vec3<f32>, t: f32) -> vec3<f32> {
     if !has_lights {
         return sum;
     }
-    var depths = vec4<f32>(0.0);
     var away = vec3<f32>(0.0);
     if params.phong.w > 0.0 {
         away = normal(at);
     }
-    for (var i = 0u; i < params.lights; i++) {
-        if i % 4u == 0u {
-            depths = light_depths(at, i / 4u);
-        }
-        let record = read_lights(i);
-        let light = incident(record, direction, t);
-        if light.falloff <= 0.0 {
-            continue;
-        }
-        let seen = visibility(record, light, direction, t);
-        if seen <= 0.0 {
-            continue;
-        }
-        var scatters = 0.0;
-        if params.phong.w > 0.0 {
-            scatters = phong(away, light.toward, direction);
-        } else {
-            scatters = phase(dot(light.toward, direction));
-        }
-        let scale = scatters * light.falloff * seen;
-        var optical = depths[i % 4u];
-        if params.shadow == SHADOW_MARCH || params.shadow == SHADOW_MEAN {
-            let size = vec3<f32>(params.dims.xyz);
-            let ray = through(at, to_index(light.toward), size, light.distance, params.step);
-            if params.shadow == SHADOW_MARCH {
-                optical = column(ray, blocks());
-            } else {
-                optical *= ray.step * ray.steps;
+    if layered_light_depth {
+        // Layer by layer: drivers that run both sides of conditions would look the field up for each light.
+        for (var first = 0u; first < params.lights; first += 4u) {
+            let depths = light_depths(at, first / 4u);
+            let past = min(first + 4u, params.lights);
+            for (var i = first; i < past; i++) {
+                sum += from_light(read_lights(i), depths[i % 4u], at, direction, away, t);
             }
         }
-        let transmittance = exp(-optical * params.light_extinction.xyz);
-        sum += scale * transmittance * record.power.xyz;
+        return sum;
+    }
+    let depths = light_depths(at, 0u);
+    for (var i = 0u; i < params.lights; i++) {
+        sum += from_light(read_lights(i), depths[i % 4u], at, direction, away, t);
     }
     return sum;
+}
+
+// J from a light whose field holds `depth`.
+fn from_light(record: LightRecord, depth: f32, at: vec3<f32>, direction: vec3<f32>, away: vec3<f32>, t: f32) -> vec3<f32> {
+    let light = incident(record, direction, t);
+    if light.falloff <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    let seen = visibility(record, light, direction, t);
+    if seen <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    var scatters = 0.0;
+    if params.phong.w > 0.0 {
+        scatters = phong(away, light.toward, direction);
+    } else {
+        scatters = phase(dot(light.toward, direction));
+    }
+    let scale = scatters * light.falloff * seen;
+    var optical = depth;
+    if params.shadow == SHADOW_MARCH || params.shadow == SHADOW_MEAN {
+        let size = vec3<f32>(params.dims.xyz);
+        let ray = through(at, to_index(light.toward), size, light.distance, params.step);
+        if params.shadow == SHADOW_MARCH {
+            optical = column(ray, blocks());
+        } else {
+            optical *= ray.step * ray.steps;
+        }
+    }
+    let transmittance = exp(-optical * params.light_extinction.xyz);
+    return scale * transmittance * record.power.xyz;
 }
 
 // How much of the light passes by the surfaces, `t` metres along the view ray.

@@ -376,8 +376,9 @@ impl Source {
                 ShapeKind::Field { bricks: true, format, .. } => {
                     bricks::lookups(shape, index, format, fetched.has(index), filtered)
                 }
-                ShapeKind::Field { slabs, format, .. } => {
-                    texel(shape, index, slabs, format, fetched.has(index))
+                ShapeKind::Field { slabs, layered, format, .. } => {
+                    WGSL.truth(&format!("layered_{}", shape.name), layered)
+                        + &texel(shape, index, slabs, format, fetched.has(index))
                         + &filter(shape, format, filtered && slabs == 1)
                         + &uniform(shape)
                 }

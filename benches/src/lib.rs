@@ -42,6 +42,9 @@ pub fn density() -> Vec<f32> {
     values
 }
 
+/// The bound of [`density`].
+const MOST: f32 = 1.0;
+
 /// Slice `k` of [`density`] on as many voxels as one likes.
 fn fill_slice(dims: UVec3, k: u32, out: &mut [f32]) {
     let size = dims.as_vec3();
@@ -51,7 +54,7 @@ fn fill_slice(dims: UVec3, k: u32, out: &mut [f32]) {
             let p = Vec3::new(i as f32, j as f32, k as f32) / size - 0.5;
             let big = 0.40 - (p - Vec3::new(-0.1, -0.05, 0.0)).length();
             let small = 0.22 - (p - Vec3::new(0.3, 0.2, 0.15)).length();
-            *value = (8.0 * big.max(small) + 0.5 * (i as f32 * 0.37).sin() * across).clamp(0.0, 1.0);
+            *value = (8.0 * big.max(small) + 0.5 * (i as f32 * 0.37).sin() * across).clamp(0.0, MOST);
         }
     });
 }

@@ -6,7 +6,7 @@ use airlight::Version;
 use airlight::glam::{DVec3, UVec3};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
 
-use crate::fill_slice;
+use crate::{MOST, fill_slice};
 
 /// The density in a box whose longest side is one metre, around the origin.
 #[derive(Clone, Debug)]
@@ -58,6 +58,10 @@ impl Medium for Volume {
 
     fn version(&self) -> Version {
         self.version
+    }
+
+    fn density_bound(&self) -> Option<f32> {
+        Some(MOST)
     }
 
     fn density_slice(&self, k: u32, out: &mut [f32]) {

@@ -207,6 +207,7 @@ const WGPU: Backend = Backend {
         ("propagate", "propagate_pieces", "an entry point of its own, in place of another way through one"),
         ("propagate", "propagate_output", "an entry point of its own, in place of another way through one"),
         ("propagate", "known", "loops elsewhere"),
+        ("march", "from_light", "two loops over lights share it"),
         ("propagate", "row", "loops elsewhere"),
         ("propagate", "weighed", "loops elsewhere"),
         ("propagate", "inside", ALONE),

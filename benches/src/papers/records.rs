@@ -5,7 +5,8 @@ use std::sync::{Arc, OnceLock};
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::media::{GridMedium, Medium, Optics};
 use airlight::scene::{
-    Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Quality, Records, Scene, Solver,
+    Camera, Content, Elimination, EnvironmentEstimate, Estimate, Interpolation, Precision, Quality, Records, Scene,
+    Solver,
 };
 
 use super::{FRAMES, Form, Row, Table, Unit};
@@ -46,51 +47,62 @@ impl Dynamic {
             (Self::Light, _) => vec!["relight", "march"],
             (Self::Eye, _) => vec!["march"],
         };
-        if saving != Saving::None {
+        if saving.pixels() > 1 {
             stages.push("upsample");
         }
         stages
     }
 }
 
-/// Whether the picture saves work.
+/// How the picture saves work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Saving {
     /// Every pixel is marched in steps of a voxel.
     None,
-    /// One of four pixels is, through the means of 2³ voxels.
+    /// The same through the volume in halves.
+    Halves,
+    /// Every pixel is marched through the means of 2³ voxels, in steps of one of them.
+    Means,
+    /// One of four pixels is.
     Half,
     /// One of sixteen pixels is, through the means of 4³ voxels.
     Quarter,
 }
 
 impl Saving {
-    const ALL: [Self; 3] = [Self::None, Self::Half, Self::Quarter];
+    const ALL: [Self; 5] = [Self::None, Self::Halves, Self::Means, Self::Half, Self::Quarter];
 
     fn name(self) -> &'static str {
         match self {
             Self::None => "whole",
+            Self::Halves => "halves",
+            Self::Means => "means",
             Self::Half => "half",
             Self::Quarter => "quarter",
         }
     }
 
-    /// Pixels along each side of one that is marched, and voxels along each side of a mean.
-    fn by(self) -> u32 {
+    /// Pixels along each side of one that is marched.
+    fn pixels(self) -> u32 {
         match self {
-            Self::None => 1,
+            Self::None | Self::Halves | Self::Means => 1,
             Self::Half => 2,
             Self::Quarter => 4,
         }
     }
 
+    /// How densities are held.
+    fn precision(self) -> Precision {
+        if self == Self::None { Precision::F32 } else { Precision::F16 }
+    }
+
     /// The volume, or what `coarser` keeps of it.
     fn medium(self, volume: &Arc<Volume>, coarser: &Coarser) -> Arc<dyn Medium> {
-        let of = |n: usize| coarser[n].get_or_init(|| Arc::new(volume.coarsened(self.by()))).clone();
+        let of = |n: usize, side| coarser[n].get_or_init(|| Arc::new(volume.coarsened(side))).clone();
         match self {
-            Self::None => volume.clone(),
-            Self::Half => of(0),
-            Self::Quarter => of(1),
+            Self::None | Self::Halves => volume.clone(),
+            Self::Means | Self::Half => of(0, 2),
+            Self::Quarter => of(1, 4),
         }
     }
 }
@@ -118,7 +130,7 @@ pub(super) fn table_1(small: u32) -> Table {
                     records.solver = Solver::Sweep;
                 }
                 let whole = lit(volume.clone(), optics, records, small);
-                let quality = Quality { scale: saving.by(), ..whole.quality };
+                let quality = Quality { scale: saving.pixels(), density: saving.precision(), ..whole.quality };
                 let medium = saving.medium(&volume, &coarser);
                 let frames = moving(Scene { medium, quality, ..whole.clone() }, dynamic);
                 if saving == Saving::None { frames } else { frames.beside(whole) }

@@ -90,7 +90,7 @@ fn run(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     params.extinction = set.extinction.extend(0.0).to_array();
     params.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { grid.dims[a].div_ceil(block) } else { block });
     let count = set.lights.len() as u32;
-    (params.lights, params.light_end) = (count, count);
+    (params.lights, params.light_end, params.spots) = (count, count, LightRecord::spots(&set.lights));
     (params.bands, params.channels, params.light_floor) = (set.bands, set.channels, 2e-3);
     let room = room();
     let hierarchy = room.hierarchy().expect("the room has triangles");

@@ -146,7 +146,7 @@ fn host(set: &Set) -> Host {
     (p.sample_end, p.step_end) = (p.samples, March::ALL_STEPS);
     (p.step, p.cut, p.light_floor) = (set.step, March::CUT, 1e-4);
     p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { set.dims[a].div_ceil(set.block) } else { set.block });
-    p.lights = set.lights.len() as u32;
+    (p.lights, p.spots) = (set.lights.len() as u32, LightRecord::spots(&set.lights));
     (p.shadow, p.phong) = (set.shadow, set.phong);
     let mut tables: Vec<f32> = camera.subpixels().iter().flat_map(|p| p.as_vec2().to_array()).collect();
     let mut in_scatter = Vec::new();

@@ -115,7 +115,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
         p.environment = sky.scale.extend((sky.rotation / 360.0).rem_euclid(1.0) as f32).to_array();
     }
     let lights = LightRecord::of(&set.lights, eye);
-    p.lights = lights.len() as u32;
+    (p.lights, p.spots) = (lights.len() as u32, LightRecord::spots(&set.lights));
     let known = lights.len() + usize::from(set.environment);
     // Uneven.
     let chances: Vec<f64> = (0..known).map(|i| (i + 1) as f64 / (known * (known + 1) / 2) as f64).collect();

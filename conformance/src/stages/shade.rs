@@ -84,6 +84,7 @@ fn one(subject: &Subject, record: &mut Record, set: &Set) -> Result<(), Failed> 
     p.occupancy_cells = [0, 1, 2, 3].map(|a| if a < 3 { DIMS[a].div_ceil(BLOCK) } else { BLOCK });
     (p.width, p.height, p.samples) = (trace.width, trace.height, trace.samples);
     (p.lights, p.light_end) = (set.lights.len() as u32, set.lights.len() as u32);
+    p.spots = LightRecord::spots(&set.lights);
     (p.nodes, p.materials) = (trace.nodes, mesh.materials().len() as u32);
     (p.visibility, p.step, p.light_floor) = (set.visibility.into(), 0.05, 1e-4);
     let lights = LightRecord::of(&set.lights, eye);

@@ -160,7 +160,7 @@ impl<'a> Scattering<'a> {
         params.cell = self.ordinates.cell(medium.step);
         params.extinction = self.similar_extinction().extend(0.0).to_array();
         let lights = scene.lights.len() as u32;
-        (params.lights, params.light_end) = (lights, lights);
+        (params.lights, params.light_end, params.spots) = (lights, lights, LightRecord::spots(&scene.lights));
         (params.bands, params.channels) = (self.bands, self.channels);
         // The ball of a cell's volume: over it, 1/r² is 3/R² in the mean.
         let map = lattice.index_to_world().matrix3;

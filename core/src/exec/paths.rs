@@ -17,7 +17,7 @@ use super::surfaces::{upload_lights, upload_mesh};
 use crate::device::{Buf, DeviceError, ResourceId};
 use crate::light::Light;
 use crate::scene::{Mesh, Path as Options, Scene};
-use crate::stage::{MaterialRecord, Path, PathParams, PathTables, PhaseParams, Stage};
+use crate::stage::{LightRecord, MaterialRecord, Path, PathParams, PathTables, PhaseParams, Stage};
 
 /// How far paths were traced.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -191,6 +191,7 @@ fn plan_paths<'a>(
         sky.field
     });
     params.lights = lights.map_or(0, |lights| lights.len as u32);
+    params.spots = LightRecord::spots(&scene.lights);
     let tables = plan_tables(scene, &mut params, plan);
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     let mut path = Path {

@@ -22,7 +22,9 @@ use crate::estimator::{
 use crate::light::Environment;
 use crate::media::{DensitySource, OpticsField, OpticsFields};
 use crate::scene::{AllEstimate, EnvironmentEstimate, Film, Jitter, LightsEstimate, ScatteringEstimate, Scene};
-use crate::stage::{GridParams, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind};
+use crate::stage::{
+    GridParams, LightRecord, March, MarchParams, PhaseParams, Reduce, ReduceParams, Stage, shadow_kind,
+};
 use crate::transfer::Transfer;
 
 /// A film and how it came about.
@@ -424,7 +426,7 @@ fn plan_march<'a>(
     }
     let (mut lights, mut light_depth) = (None, None);
     if let Some(Lights { records, shadow }) = sources.lights {
-        params.lights = records.len as u32;
+        (params.lights, params.spots) = (records.len as u32, LightRecord::spots(&scene.lights));
         lights = Some(records);
         params.shadow = match shadow {
             LightShadow::Off => shadow_kind::NONE,

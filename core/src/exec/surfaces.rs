@@ -143,7 +143,7 @@ pub(super) fn plan_shade(
     params.occupancy_cells = occupancy.cells;
     (params.width, params.height, params.samples) = (camera.width, camera.height, camera.samples);
     let count = lights.map_or(0, |lights| lights.len as u32);
-    (params.lights, params.light_end) = (count, count);
+    (params.lights, params.light_end, params.spots) = (count, count, LightRecord::spots(&scene.lights));
     (params.nodes, params.materials) = (mesh.nodes, mesh.materials.len as u32);
     let shadows = scene.estimate.lights.as_ref().map(|lights| lights.surface_shadow());
     params.visibility = (shadows != Some(SurfaceShadow::None)).into();

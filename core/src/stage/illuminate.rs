@@ -61,6 +61,14 @@ kernel_struct! {
         channels: U32,
         /// Floor of r² in 1/r², m².
         light_floor: F32,
+        /// Lights that are spots: kernels that run both sides of conditions leave cones out where there is none.
+        spots: U32,
+        /// Unused.
+        unused_0: U32,
+        /// Unused.
+        unused_1: U32,
+        /// Unused.
+        unused_2: U32,
     }
 }
 

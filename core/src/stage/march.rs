@@ -164,6 +164,14 @@ kernel_struct! {
         full_height: U32,
         /// What the film holds: a constant of [`alone`].
         alone: U32,
+        /// Lights that are spots: kernels that run both sides of conditions leave cones out where there is none.
+        spots: U32,
+        /// Unused.
+        unused_0: U32,
+        /// Unused.
+        unused_1: U32,
+        /// Unused.
+        unused_2: U32,
     }
 }
 

@@ -123,10 +123,10 @@ kernel_struct! {
         densest: F32,
         /// The least majorant where anything is, 1/m.
         least: F32,
+        /// Lights that are spots: kernels that run both sides of conditions leave cones out where there is none.
+        spots: U32,
         /// Unused.
-        unused_0: U32,
-        /// Unused.
-        unused_1: U32,
+        unused: U32,
     }
 }
 

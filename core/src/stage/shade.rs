@@ -66,8 +66,8 @@ kernel_struct! {
         step: F32,
         /// Floor of r² in 1/r², m².
         light_floor: F32,
-        /// Unused.
-        unused: U32,
+        /// Lights that are spots: kernels that run both sides of conditions leave cones out where there is none.
+        spots: U32,
     }
 }
 

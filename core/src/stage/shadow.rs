@@ -113,6 +113,11 @@ impl LightRecord {
         };
         lights.iter().map(record).collect()
     }
+
+    /// How many lights are spots.
+    pub fn spots(lights: &[Light]) -> u32 {
+        lights.iter().filter(|light| matches!(light, Light::Spot { .. })).count() as u32
+    }
 }
 
 /// The texels of so many faces, where their number fits the work axis.
