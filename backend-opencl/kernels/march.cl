@@ -401,14 +401,12 @@ F3 direct(const Bound *bound, F3 at, F3 direction, F t, M dense) {
         F scale = lit ? scatters * light.falloff * seen : (F)(0.0f);
         F optical = depths[i % 4u];
         uint shadow = bound->params->shadow;
-        if (shadow == SHADOW_MARCH || shadow == SHADOW_MEAN) {
-            float3 size = convert_float3(bound->params->dims.xyz);
+        float3 size = convert_float3(bound->params->dims.xyz);
+        if (shadow == SHADOW_MARCH) {
             Ray ray = through(at, to_index(bound, light.toward), size, light.distance, bound->params->step);
-            if (shadow == SHADOW_MARCH) {
-                optical = column(bound, &ray, blocks(bound), lit);
-            } else {
-                optical = optical * (ray.step * ray.steps);
-            }
+            optical = column(bound, &ray, blocks(bound), lit);
+        } else if (shadow == SHADOW_MEAN) {
+            optical *= reach(at, to_index(bound, light.toward), size, light.distance);
         }
         F red = exp_negative(-optical * sigma.x);
         F3 transmittance = f3(red, red, red);

@@ -91,6 +91,18 @@ Ray through(F3 origin, F3 direction, float3 size, F limit, float longest) {
     return ray;
 }
 
+// Metres of rays within the box and to `limit`, from points in the box.
+F reach(F3 origin, F3 direction, float3 size, F limit) {
+    F little = (F)(1e-20f);
+    F3 d = f3(fabs(direction.x) < little ? little : direction.x, fabs(direction.y) < little ? little : direction.y,
+              fabs(direction.z) < little ? little : direction.z);
+    F zero = (F)(0.0f);
+    F x = ((d.x > zero ? (F)(size.x - 0.5f) : (F)(-0.5f)) - origin.x) / d.x;
+    F y = ((d.y > zero ? (F)(size.y - 0.5f) : (F)(-0.5f)) - origin.y) / d.y;
+    F z = ((d.z > zero ? (F)(size.z - 0.5f) : (F)(-0.5f)) - origin.z) / d.z;
+    return greater(lesser(lesser(x, y), lesser(z, limit)), zero);
+}
+
 // The same part of the rays in `count` steps.
 Ray in_steps(Ray ray, float count) {
     ray.step = ray.step * ray.steps / count;

@@ -326,14 +326,11 @@ fn from_light(record: LightRecord, depth: f32, at: vec3<f32>, direction: vec3<f3
     }
     let scale = scatters * light.falloff * seen;
     var optical = depth;
-    if params.shadow == SHADOW_MARCH || params.shadow == SHADOW_MEAN {
-        let size = vec3<f32>(params.dims.xyz);
-        let ray = through(at, to_index(light.toward), size, light.distance, params.step);
-        if params.shadow == SHADOW_MARCH {
-            optical = column(ray, blocks());
-        } else {
-            optical *= ray.step * ray.steps;
-        }
+    let size = vec3<f32>(params.dims.xyz);
+    if params.shadow == SHADOW_MARCH {
+        optical = column(through(at, to_index(light.toward), size, light.distance, params.step), blocks());
+    } else if params.shadow == SHADOW_MEAN {
+        optical *= reach(at, to_index(light.toward), size, light.distance);
     }
     let transmittance = exp(-optical * params.light_extinction.xyz);
     return scale * transmittance * record.power.xyz;

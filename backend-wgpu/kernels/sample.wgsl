@@ -69,6 +69,14 @@ fn through(origin: vec3<f32>, direction: vec3<f32>, size: vec3<f32>, limit: f32,
     return Ray(origin, d, inverse, near, step, steps, 0.5);
 }
 
+// Metres of a ray within the box and to `limit`, from a point in the box.
+fn reach(origin: vec3<f32>, direction: vec3<f32>, size: vec3<f32>, limit: f32) -> f32 {
+    let d = select(direction, vec3<f32>(1e-20), abs(direction) < vec3<f32>(1e-20));
+    let wall = select(vec3<f32>(-0.5), size - 0.5, d > vec3<f32>(0.0));
+    let last = (wall - origin) / d;
+    return max(min(min(last.x, last.y), min(last.z, limit)), 0.0);
+}
+
 // The same part of the ray in `count` steps.
 fn in_steps(ray: Ray, count: f32) -> Ray {
     let steps = select(0.0, count, ray.steps > 0.0);

@@ -451,13 +451,12 @@ fn direct<S: Simd>(
         };
         let scale = lit.select(scatters * falloff * seen, F::ZERO);
         let mut column = depths[n % 4];
-        if p.shadow == shadow_kind::MARCH || p.shadow == shadow_kind::MEAN {
-            let ray = Ray::through(at, to_index(rows(p), toward), inputs.density.size(), distance, p.step);
-            column = if p.shadow == shadow_kind::MARCH {
-                ray.column(inputs.density, inputs.occupancy, lit)
-            } else {
-                column * (ray.step * ray.steps)
-            };
+        let size = inputs.density.size();
+        if p.shadow == shadow_kind::MARCH {
+            let ray = Ray::through(at, to_index(rows(p), toward), size, distance, p.step);
+            column = ray.column(inputs.density, inputs.occupancy, lit);
+        } else if p.shadow == shadow_kind::MEAN {
+            column = column * Ray::reach(at, to_index(rows(p), toward), size, distance);
         }
         let mut transmittance = F::ONE;
         for c in 0..3 {

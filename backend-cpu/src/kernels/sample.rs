@@ -113,6 +113,15 @@ impl<S: Simd> Ray<S> {
         Self { origin, direction, inverse, start: near, step, steps, place: F::splat(0.5) }
     }
 
+    /// Metres of a ray within the box and to `limit`, from a point in the box.
+    #[inline(always)]
+    pub(crate) fn reach(origin: [F<S>; 3], direction: [F<S>; 3], size: [f32; 3], limit: F<S>) -> F<S> {
+        let direction = triple!(a => direction[a].away_from_zero());
+        let wall = triple!(a => direction[a].gt(F::ZERO).select(F::splat(size[a] - 0.5), F::splat(-0.5)));
+        let [x, y, z] = triple!(a => (wall[a] - origin[a]) / direction[a]);
+        limit.min(x).min(y).min(z).max(F::ZERO)
+    }
+
     /// The same part of the ray in `count` steps.
     #[inline(always)]
     pub(crate) fn in_steps(self, count: f32) -> Self {

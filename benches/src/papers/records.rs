@@ -47,7 +47,7 @@ impl Dynamic {
             (Self::Light, _) => vec!["relight", "march"],
             (Self::Eye, _) => vec!["march"],
         };
-        if saving.pixels() > 1 {
+        if saving.pixels > 1 {
             stages.push("upsample");
         }
         stages
@@ -56,58 +56,45 @@ impl Dynamic {
 
 /// How the picture saves work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Saving {
-    /// Every pixel is marched in steps of a voxel.
-    None,
-    /// The same through the volume in halves.
-    Halves,
-    /// Every pixel is marched through the means of 2³ voxels, in steps of one of them.
-    Means,
-    /// One of four pixels is.
-    Half,
-    /// One of sixteen pixels is, through the means of 4³ voxels.
-    Quarter,
+struct Saving {
+    name: &'static str,
+    /// Pixels along each side of one that is marched.
+    pixels: u32,
+    /// Voxels along each side of one that is marched through, their mean.
+    voxels: u32,
+    /// How densities are held.
+    precision: Precision,
 }
 
 impl Saving {
-    const ALL: [Self; 5] = [Self::None, Self::Halves, Self::Means, Self::Half, Self::Quarter];
+    const ALL: [Self; 6] = [
+        Self { precision: Precision::F32, ..Self::halves("whole", 1, 1) },
+        Self::halves("halves", 1, 1),
+        Self::halves("means of 2³", 1, 2),
+        Self::halves("means of 4³", 1, 4),
+        Self::halves("half", 2, 2),
+        Self::halves("quarter", 4, 4),
+    ];
 
-    fn name(self) -> &'static str {
-        match self {
-            Self::None => "whole",
-            Self::Halves => "halves",
-            Self::Means => "means",
-            Self::Half => "half",
-            Self::Quarter => "quarter",
-        }
+    const fn halves(name: &'static str, pixels: u32, voxels: u32) -> Self {
+        Self { name, pixels, voxels, precision: Precision::F16 }
     }
 
-    /// Pixels along each side of one that is marched.
-    fn pixels(self) -> u32 {
-        match self {
-            Self::None | Self::Halves | Self::Means => 1,
-            Self::Half => 2,
-            Self::Quarter => 4,
-        }
-    }
-
-    /// How densities are held.
-    fn precision(self) -> Precision {
-        if self == Self::None { Precision::F32 } else { Precision::F16 }
+    /// Whether it saves anything.
+    fn any(self) -> bool {
+        self != Self::ALL[0]
     }
 
     /// The volume, or what `coarser` keeps of it.
     fn medium(self, volume: &Arc<Volume>, coarser: &Coarser) -> Arc<dyn Medium> {
-        let of = |n: usize, side| coarser[n].get_or_init(|| Arc::new(volume.coarsened(side))).clone();
-        match self {
-            Self::None | Self::Halves => volume.clone(),
-            Self::Means | Self::Half => of(0, 2),
-            Self::Quarter => of(1, 4),
+        match self.voxels {
+            1 => volume.clone(),
+            side => coarser[side as usize / 4].get_or_init(|| Arc::new(volume.coarsened(side))).clone(),
         }
     }
 }
 
-/// Coarser copies of a volume, once they were asked for.
+/// Copies of a volume in which 2³ and 4³ voxels are one, once they were asked for.
 type Coarser = [OnceLock<Arc<GridMedium>>; 2];
 
 /// Speed by record cells, with dynamic and static light.
@@ -130,13 +117,13 @@ pub(super) fn table_1(small: u32) -> Table {
                     records.solver = Solver::Sweep;
                 }
                 let whole = lit(volume.clone(), optics, records, small);
-                let quality = Quality { scale: saving.pixels(), density: saving.precision(), ..whole.quality };
+                let quality = Quality { scale: saving.pixels, density: saving.precision, ..whole.quality };
                 let medium = saving.medium(&volume, &coarser);
                 let frames = moving(Scene { medium, quality, ..whole.clone() }, dynamic);
-                if saving == Saving::None { frames } else { frames.beside(whole) }
+                if saving.any() { frames.beside(whole) } else { frames }
             };
             rows.push(Row {
-                at: vec![cells.to_string(), dynamic.name().into(), saving.name().into()],
+                at: vec![cells.to_string(), dynamic.name().into(), saving.name.into()],
                 unit: Unit::FramesPerSecond,
                 paper,
                 work: Box::new(move |form| Work::Frames(frames(form))),
@@ -153,9 +140,10 @@ pub(super) fn table_1(small: u32) -> Table {
                `transmittance`, view steps of a voxel. The paper's dynamic light evaluates the records in every frame, its \
                static light once; here a new light needs no new records, so that the medium's extinction changes too where \
                they shall be made anew. No volume is uploaded between frames. *Ours* is trilinear records of all cells by \
-               sweeps, *published* the nearest record by marches from cells that 3³ probes find not empty. *Half* is one \
-               ray for 2 × 2 pixels through a copy of the volume in which 2³ voxels are one, *quarter* one for 4 × 4 through a \
-               copy of 4³, with the relative L2 of the first picture to the whole one's. The copies are made once.",
+               sweeps, *published* the nearest record by marches from cells that 3³ probes find not empty. All pictures but \
+               *whole* are of a volume in halves: *means* march every pixel through a copy of it in which 2³ or 4³ voxels are \
+               one, in steps of one of these; *half* is one ray for 2 × 2 pixels through the copy of 2³, *quarter* one for \
+               4 × 4 through that of 4³; with the relative L2 of the first picture to the whole one's. The copies are made once.",
         figures: FRAMES,
         axes: &["cells a side", "dynamic", "picture"],
         rows,
