@@ -14,8 +14,10 @@ use crate::isa::compiled_for;
 use crate::kernels::march::march;
 
 const BLOCK: usize = March::BLOCK as usize;
-/// Blocks along each side of what a task takes.
+/// Blocks along each side of what a task takes, at the most.
 const TILE: usize = 4;
+/// Tasks of a thread from which on they are as large.
+const TASKS: usize = 4;
 
 /// Runs blocks of the stage.
 pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa: Isa) -> Result<(), DeviceError> {
@@ -29,11 +31,14 @@ pub(crate) fn run(stage: &March, range: Range<u32>, memory: &mut Memory<'_>, isa
     let film = &Film::new(out.next(), out.next(), [p.width, p.height]);
     let [across, down] = [p.width, p.height].map(|n| (n as usize).div_ceil(BLOCK));
     // A task takes blocks that lie together: their rays see the same part of the medium.
-    let tiles = across.div_ceil(TILE);
-    (0..tiles * down.div_ceil(TILE)).into_par_iter().for_each(|tile| {
-        let corner = [tile % tiles * TILE, tile / tiles * TILE];
-        for y in corner[1]..(corner[1] + TILE).min(down) {
-            for x in corner[0]..(corner[0] + TILE).min(across) {
+    let tiles = |side| [across.div_ceil(side), down.div_ceil(side)];
+    let enough = TASKS * rayon::current_num_threads();
+    let side = (1..=TILE).rev().find(|&side| tiles(side).iter().product::<usize>() >= enough).unwrap_or(1);
+    let [columns, rows] = tiles(side);
+    (0..columns * rows).into_par_iter().for_each(|tile| {
+        let corner = [tile % columns * side, tile / columns * side];
+        for y in corner[1]..(corner[1] + side).min(down) {
+            for x in corner[0]..(corner[0] + side).min(across) {
                 if range.contains(&((y * across + x) as u32)) {
                     block(&inputs, isa, [x * BLOCK, y * BLOCK], film);
                 }
