@@ -16,7 +16,7 @@ use super::sky::sky;
 use crate::film::{Pixels, SIDE, lanes_of, packets};
 use crate::inputs::Inputs;
 use crate::packet::{F, LANES, M, dot, each, lanes, triple};
-use crate::simd::{Floats, Simd};
+use crate::simd::{Floats, Part, Simd};
 
 /// Steps whose density is looked up together, so that each waits less for its own.
 const TOGETHER: usize = 2;
@@ -351,10 +351,30 @@ impl<S: Simd> Path<S> {
         t: F<S>,
         dense: M<S>,
     ) -> [F<S>; 3] {
+        S::by_itself(Light { inputs, at, direction: self.direction, t, dense, basis })
+    }
+}
+
+/// What J of some lanes is made of.
+struct Light<'a, S> {
+    inputs: &'a Inputs<'a>,
+    at: [F<S>; 3],
+    direction: [F<S>; 3],
+    t: F<S>,
+    dense: M<S>,
+    basis: &'a [F<S>; harmonics::MAX],
+}
+
+impl<S: Simd> Part for Light<'_, S> {
+    type Made = [F<S>; 3];
+
+    #[inline(always)]
+    fn make(self) -> [F<S>; 3] {
+        let Self { inputs, at, direction, t, dense, basis } = self;
         let mut light = [F::ZERO; 3];
         gathered(inputs, at, basis, dense, &mut light);
         scattered_light(inputs, at, basis, dense, &mut light);
-        direct::<S>(inputs, at, self.direction, t, dense, &mut light);
+        direct::<S>(inputs, at, direction, t, dense, &mut light);
         light
     }
 }

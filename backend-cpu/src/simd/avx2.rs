@@ -4,7 +4,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Floats, Ints, Masks, Simd};
+use super::{Floats, Ints, Masks, Part, Simd};
 
 /// AVX2. Only kernels that [`compiled_for`](crate::isa::compiled_for) compiles for it may name it.
 #[derive(Clone, Copy, Debug)]
@@ -212,6 +212,17 @@ impl Simd for Avx2 {
         // SAFETY: the kernel is compiled for the set.
         let [low, high] = unsafe { [_mm256_movemask_ps(low), _mm256_movemask_ps(high)] };
         (low | high << 8) as u32
+    }
+
+    #[inline(always)]
+    fn by_itself<P: Part>(part: P) -> P::Made {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2")]
+        fn compiled<P: Part>(part: P) -> P::Made {
+            part.make()
+        }
+        // SAFETY: the kernel is compiled for the set, so the processor has it.
+        unsafe { compiled(part) }
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::{Floats, Ints, Masks, Simd};
+use super::{Floats, Ints, Masks, Part, Simd};
 
 /// AVX-512 F, BW, DQ and VL. Only kernels that [`compiled_for`](crate::isa::compiled_for) compiles for them may name it.
 #[derive(Clone, Copy, Debug)]
@@ -229,6 +229,17 @@ impl Simd for Avx512 {
             let [low, high] = [_mm512_cvtepi32_epi16(pairs), _mm512_cvtepi32_epi16(_mm512_srli_epi32::<16>(pairs))];
             [from(_mm512_cvtph_ps(low)), from(_mm512_cvtph_ps(high))]
         }
+    }
+
+    #[inline(always)]
+    fn by_itself<P: Part>(part: P) -> P::Made {
+        #[inline(never)]
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
+        fn compiled<P: Part>(part: P) -> P::Made {
+            part.make()
+        }
+        // SAFETY: the kernel is compiled for the set, so the processor has it.
+        unsafe { compiled(part) }
     }
 
     #[inline(always)]

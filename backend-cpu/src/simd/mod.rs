@@ -28,6 +28,16 @@ type Masks = [u32; LANES];
 
 const YES: u32 = u32::MAX;
 
+/// A part of a kernel that stands by itself ([`Simd::by_itself`]): one that several places need and that is long. Where all is
+/// one function, the time that LLVM takes for it grows faster than its length.
+pub(crate) trait Part {
+    /// What it makes.
+    type Made;
+
+    /// To be given with `#[inline(always)]`, as all of a kernel that is compiled for a set.
+    fn make(self) -> Self::Made;
+}
+
 /// The operations of an instruction set on sixteen lanes; by default lane by lane.
 pub(crate) trait Simd: Copy + Send + Sync {
     #[inline(always)]
@@ -241,6 +251,12 @@ pub(crate) trait Simd: Copy + Send + Sync {
             from.as_ptr().cast::<u16>().add(at[i] as usize).cast::<[u16; 2]>().read_unaligned()
         });
         [lanes!(i => half(pairs[i][0])), lanes!(i => half(pairs[i][1]))]
+    }
+
+    /// Makes a part of a kernel in a function of its own, compiled for the set.
+    #[inline(never)]
+    fn by_itself<P: Part>(part: P) -> P::Made {
+        part.make()
     }
 
     /// The components of vectors, sixteen of each.
