@@ -151,6 +151,7 @@ const CPU: Backend = Backend {
         ("march", "step", "a medium of one channel has a loop of its own"),
         ("march", "light", "a medium of one channel has a loop of its own"),
         ("march", "colored", "a medium of one channel has a loop of its own"),
+        ("march", "make", "light is a function by itself, for the compiler's sake"),
         ("phong", "beside", "closures are compiled for no instruction set"),
         ("field", "size", "the size goes with the field"),
         ("field", "texel", "generated elsewhere"),
