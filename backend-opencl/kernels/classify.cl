@@ -1,7 +1,8 @@
 // `classify`: what the values of a grid mean. One work-item a packet of voxels.
 
-// Control points up to which packets go through all of them, in place of looking up each lane's own.
-#define FEW (WIDTH == 1 ? 0u : 16u)
+// Control points up to which packets go through all of them, in place of looking up each lane's own: what that asks for does not fit
+// into sixteen registers.
+#define FEW (WIDTH == 1 || REGISTERS == 16 ? 0u : 16u)
 
 // A control point of each lane, or what is between two.
 typedef struct {
@@ -82,12 +83,16 @@ INLINE Control held(const Bound *bound, I n) {
     // A value, a density, a first colour from the fourth float on and a second from the eighth.
     __global const float *points = (__global const float *)bound->points;
     Control p;
-    p.value = fetch(points, 12 * n);
-    p.density = fetch(points + 1, 12 * n);
-    p.first = f3(fetch(points + 4, 12 * n), fetch(points + 5, 12 * n), fetch(points + 6, 12 * n));
+    I at = 12 * n;
+    PAIR_float place = fetch_pair(points, at);
+    PAIR_float first = fetch_pair(points + 4, at);
+    p.value = place.near;
+    p.density = place.far;
+    p.first = f3(first.near, first.far, fetch(points + 6, at));
     p.second = all3((float3)(0.0f));
     if (bound->params->dims.w == CLASSIFY_SEEN) {
-        p.second = f3(fetch(points + 8, 12 * n), fetch(points + 9, 12 * n), fetch(points + 10, 12 * n));
+        PAIR_float second = fetch_pair(points + 8, at);
+        p.second = f3(second.near, second.far, fetch(points + 10, at));
     }
     return p;
 }

@@ -6,6 +6,13 @@
 #define PASTE(a, b) a##b
 #define OF_WIDTH(name, width) PASTE(name, width)
 
+// Vector registers of a processor's core, as far as its compiler tells.
+#ifdef __AVX512F__
+#define REGISTERS 32
+#else
+#define REGISTERS 16
+#endif
+
 // Of what loops of packets call at each turn: a call would carry packets through memory, and leave none in a register.
 #define INLINE __attribute__((always_inline))
 
@@ -98,10 +105,23 @@ typedef struct {
 #define unpack(v, to) OF_WIDTH(vstore, WIDTH)(v, 0, to)
 #define pack(from) OF_WIDTH(vload, WIDTH)(0, from)
 
-// Two numbers that lie side by side, which need not lie as a number of their size must.
+// Two numbers that lie side by side, which need not lie as a number of their size must. With 32 registers LLVM may gather them. With
+// sixteen it loads lane by lane, for which indices without a sign, which none has, are offsets as they are; and of doubles, with which
+// nobody calculates, the second of a register needs no operation beside its load.
+#if REGISTERS == 16 && defined(cl_khr_fp64)
+typedef double Floats __attribute__((aligned(4)));
+typedef double8 Floats8;
+#else
 typedef ulong Floats __attribute__((aligned(4)));
+typedef ulong8 Floats8;
+#endif
+#if REGISTERS == 16
+#define OFFSETS(i) as_index(i)
+#else
+#define OFFSETS(i) (i)
+#endif
 typedef uint Halves __attribute__((aligned(2)));
-#define AT(pointer, from, i, lane) (*(pointer)((from) + (i).s##lane))
+#define AT(pointer, from, i, lane) (*(pointer)((from) + OFFSETS(i).s##lane))
 // The halves at each lane's index and behind it, as bits.
 #define fetch_halves(from, i) LANES_OF(U, __global const Halves *, (__global const ushort *)(from), i)
 
@@ -355,25 +375,30 @@ INLINE F from_half(U words) {
     return as_float_lanes(as_signed(words) >> 3 & (int)0x8fffe000u) * 0x1p112f;
 }
 
-// The floats at each lane's index and behind it, by one load a lane.
+#endif
+
+// The floats at each lane's index and behind it, by one load a lane of a packet.
 #define FLOATS_AT(lane) AT(__global const Floats *, from, i, lane)
 INLINE PAIR_float fetch_pair(__global const float *from, I i) {
-    float16 first = as_float16((ulong8)(FLOATS_AT(0), FLOATS_AT(1), FLOATS_AT(2), FLOATS_AT(3), FLOATS_AT(4),
-                                        FLOATS_AT(5), FLOATS_AT(6), FLOATS_AT(7)));
     PAIR_float pair;
+#if WIDTH == 1
+    pair.near = from[i];
+    pair.far = from[i + 1];
+#else
+    float16 first = as_float16((Floats8)(FLOATS_AT(0), FLOATS_AT(1), FLOATS_AT(2), FLOATS_AT(3), FLOATS_AT(4),
+                                         FLOATS_AT(5), FLOATS_AT(6), FLOATS_AT(7)));
 #if WIDTH == 8
     pair.near = first.even;
     pair.far = first.odd;
 #else
-    float16 second = as_float16((ulong8)(FLOATS_AT(8), FLOATS_AT(9), FLOATS_AT(a), FLOATS_AT(b), FLOATS_AT(c),
-                                         FLOATS_AT(d), FLOATS_AT(e), FLOATS_AT(f)));
+    float16 second = as_float16((Floats8)(FLOATS_AT(8), FLOATS_AT(9), FLOATS_AT(a), FLOATS_AT(b), FLOATS_AT(c),
+                                          FLOATS_AT(d), FLOATS_AT(e), FLOATS_AT(f)));
     pair.near = (F)(first.even, second.even);
     pair.far = (F)(first.odd, second.odd);
 #endif
+#endif
     return pair;
 }
-
-#endif
 
 // Number of a packet's first element within its dispatch.
 size_t number(void) {

@@ -142,6 +142,7 @@ fn suitable(device: DeviceId) -> Lanes {
     let kind = DeviceType::from_bits_truncate(number(device, Query::Type).unwrap_or(0));
     match number(device, Query::NativeVectorWidthFloat) {
         Some(16..) if kind.contains(DeviceType::CPU) => Lanes::Sixteen,
+        Some(8..) if kind.contains(DeviceType::CPU) => Lanes::EightOrSixteen,
         Some(4..) if kind.contains(DeviceType::CPU) => Lanes::Eight,
         _ => Lanes::One,
     }

@@ -34,24 +34,35 @@ kernel_struct! {
 const PACKET: &str = include_str!("packet.cl");
 
 /// How many lanes the packets of kernels have that work on packets: one on devices that run scalar work-items side by side,
-/// as many as vector registers have elsewhere. Others have one on every device.
+/// as many as vector registers have elsewhere, or twice as many. Others have one on every device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Lanes {
     /// Scalars.
     One,
     /// Vectors of eight.
     Eight,
+    /// Vectors of sixteen in kernels that look up fields at every step, so that two registers' lookups are under way at a time,
+    /// and of eight in those whose lanes part: walks through triangles above all.
+    EightOrSixteen,
     /// Vectors of sixteen.
     Sixteen,
 }
 
 impl Lanes {
-    /// Their number.
+    /// Their number, where lanes may part.
     pub fn count(self) -> u32 {
         match self {
             Self::One => 1,
-            Self::Eight => 8,
+            Self::Eight | Self::EightOrSixteen => 8,
             Self::Sixteen => 16,
+        }
+    }
+
+    /// Their number, where each step looks up fields.
+    pub fn looking_up(self) -> u32 {
+        match self {
+            Self::EightOrSixteen => 16,
+            _ => self.count(),
         }
     }
 }
@@ -105,25 +116,26 @@ pub(crate) fn entry_point(stage: &str) -> String {
 
 /// The kernel of a stage, on a device of so many lanes.
 pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
-    let wide = lanes.count();
+    let (wide, looking_up) = (lanes.count(), lanes.looking_up());
     // A packet an item, of stages that work on packets.
     let packets = |elements: u32| ((elements, wide), wide);
+    let looked_up = |elements: u32| ((elements, looking_up), looking_up);
     let scalars = |elements: u32| ((elements, 1), 1);
     // An item a unit, of stages whose packets are runs of texels.
     let rows = ((1, 1), wide.min(BrickLayout::BLOCK));
-    let project_chunk = if wide > 1 { PROJECT_PACKETS * wide } else { 1 };
+    let project_chunk = if looking_up > 1 { PROJECT_PACKETS * looking_up } else { 1 };
     let (file, (items, width)) = match stage {
         Stage::Reduce(_) => (file!("reduce.cl"), ((1, 1), wide)),
-        Stage::Project(_) => (file!("project.cl"), ((1, project_chunk), wide)),
+        Stage::Project(_) => (file!("project.cl"), ((1, project_chunk), looking_up)),
         Stage::Propagate(_) => (file!("propagate.cl"), ((1, 1), wide)),
-        Stage::Relight(_) => (file!("relight.cl"), packets(1)),
-        Stage::March(_) => (file!("march.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Relight(_) => (file!("relight.cl"), looked_up(1)),
+        Stage::March(_) => (file!("march.cl"), looked_up(March::BLOCK * March::BLOCK)),
         Stage::Inject(_) => (
             file!("inject.cl"),
             match lanes {
                 Lanes::One => scalars(Inject::BRICK * Inject::BRICK),
                 // A brick an item.
-                Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
+                _ => ((1, 1), wide),
             },
         ),
         Stage::Trace(_) => (file!("trace.cl"), packets(1)),
@@ -134,12 +146,12 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
             match lanes {
                 Lanes::One => scalars(March::BLOCK * March::BLOCK),
                 // A block an item.
-                Lanes::Eight | Lanes::Sixteen => ((1, 1), wide),
+                _ => ((1, 1), wide),
             },
         ),
-        Stage::Accumulate(_) => (file!("accumulate.cl"), packets(March::BLOCK * March::BLOCK)),
+        Stage::Accumulate(_) => (file!("accumulate.cl"), looked_up(March::BLOCK * March::BLOCK)),
         Stage::Coarsen(_) => (file!("coarsen.cl"), rows),
-        Stage::Illuminate(_) => (file!("illuminate.cl"), packets(1)),
+        Stage::Illuminate(_) => (file!("illuminate.cl"), looked_up(1)),
         Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
         Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),
         Stage::Path(_) => (file!("path.cl"), scalars(1)),
@@ -147,14 +159,14 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
             file!("evaluate.cl"),
             match lanes {
                 Lanes::One => scalars(1),
-                Lanes::Eight | Lanes::Sixteen if evaluate.params.folded == 1 => ((1, 1), wide),
+                _ if evaluate.params.folded == 1 => ((1, 1), wide),
                 // Rows of an item.
-                Lanes::Eight | Lanes::Sixteen => ((1, evaluate_rows(wide)), wide),
+                _ => ((1, evaluate_rows(wide)), wide),
             },
         ),
         Stage::Reconstruct(_) => (file!("reconstruct.cl"), ((1, reconstruct_cells(lanes)), 1)),
         Stage::Photons(_) => (file!("photons.cl"), scalars(1)),
-        Stage::Classify(_) => (file!("classify.cl"), packets(Classify::PACK)),
+        Stage::Classify(_) => (file!("classify.cl"), looked_up(Classify::PACK)),
     };
     Source { name: stage.name(), items, width, file, recipe: Recipe::of(stage) }
 }
