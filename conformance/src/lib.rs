@@ -181,14 +181,15 @@ pub fn trials(subject: &Subject, cases: Vec<Case>, results: Option<&Path>) -> Ve
 }
 
 /// Tries the devices of `choices` as tests of libtest-mimic. One that cannot be had is said on stderr and left out,
-/// or fails where `required` names it. Results are written into the folder `results`, where there is one.
+/// or fails where `required` names it. Results are written into the folder `results`, where there is one. Each case is tried on
+/// all devices before the next one: of some, kernels are compiled one at a time, which then leaves no core idle.
 pub fn run(args: &Arguments, choices: &[String], required: &[String], results: Option<PathBuf>) -> Conclusion {
-    let mut all = Vec::new();
+    let (mut all, mut devices) = (Vec::new(), Vec::new());
     let extra = required.iter().filter(|r| !choices.contains(r));
     for choice in choices.iter().chain(extra) {
         let subject = Subject::of_choice(choice);
         match subject.info() {
-            Ok(_) => all.extend(trials(&subject, cases(), results.as_deref())),
+            Ok(_) => devices.push(trials(&subject, cases(), results.as_deref()).into_iter()),
             Err(reason) => {
                 let reason = case::message(&reason);
                 let needed = required.contains(choice);
@@ -196,6 +197,13 @@ pub fn run(args: &Arguments, choices: &[String], required: &[String], results: O
                 let trial = Trial::test(format!("{choice}::available"), move || Err(reason.into()));
                 all.push(trial.with_ignored_flag(!needed));
             }
+        }
+    }
+    loop {
+        let known = all.len();
+        all.extend(devices.iter_mut().filter_map(Iterator::next));
+        if all.len() == known {
+            break;
         }
     }
     libtest_mimic::run(args, all)
