@@ -52,6 +52,21 @@ impl Isa {
     }
 }
 
+/// A function compiled for an instruction set: what [`Isa::available`] detects.
+#[cfg(target_arch = "x86_64")]
+macro_rules! with_features {
+    (avx512, $($function:tt)*) => {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
+        $($function)*
+    };
+    (avx2, $($function:tt)*) => {
+        #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2")]
+        $($function)*
+    };
+}
+#[cfg(target_arch = "x86_64")]
+pub(crate) use with_features;
+
 /// Calls an `#[inline(always)]` function compiled for an instruction set; of one that is written `name<S>`, the type
 /// parameter is the set's [`Simd`](crate::simd::Simd). The set must be one that [`Isa::available`] gave, which
 /// [`CpuDevice`](crate::CpuDevice) sees to.
@@ -72,15 +87,13 @@ macro_rules! compiled_for {
     };
     ($isa:expr, [$avx512:expr, $avx2:expr, $baseline:expr], ($($arg:ident: $ty:ty),*)) => {{
         #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
-        fn avx512($($arg: $ty),*) {
+        $crate::isa::with_features!(avx512, fn avx512($($arg: $ty),*) {
             $avx512($($arg),*)
-        }
+        });
         #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2")]
-        fn avx2($($arg: $ty),*) {
+        $crate::isa::with_features!(avx2, fn avx2($($arg: $ty),*) {
             $avx2($($arg),*)
-        }
+        });
         match $isa {
             // SAFETY: a device holds only instruction sets that were detected on this machine.
             #[cfg(target_arch = "x86_64")]

@@ -5,6 +5,7 @@
 use std::arch::x86_64::*;
 
 use super::{Floats, Ints, Masks, Part, Simd};
+use crate::isa::with_features;
 
 /// AVX2. Only kernels that [`compiled_for`](crate::isa::compiled_for) compiles for it may name it.
 #[derive(Clone, Copy, Debug)]
@@ -224,10 +225,12 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn by_itself<P: Part>(part: P) -> P::Made {
-        #[inline(never)]
-        #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2")]
-        fn compiled<P: Part>(part: P) -> P::Made {
-            part.make()
+        with_features! {
+            avx2,
+            #[inline(never)]
+            fn compiled<P: Part>(part: P) -> P::Made {
+                part.make()
+            }
         }
         // SAFETY: the kernel is compiled for the set, so the processor has it.
         unsafe { compiled(part) }

@@ -6,6 +6,7 @@ use std::arch::x86_64::*;
 use std::mem::transmute;
 
 use super::{Floats, Ints, Masks, Part, Simd};
+use crate::isa::with_features;
 
 /// AVX-512 F, BW, DQ and VL. Only kernels that [`compiled_for`](crate::isa::compiled_for) compiles for them may name it.
 #[derive(Clone, Copy, Debug)]
@@ -233,10 +234,12 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn by_itself<P: Part>(part: P) -> P::Made {
-        #[inline(never)]
-        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2")]
-        fn compiled<P: Part>(part: P) -> P::Made {
-            part.make()
+        with_features! {
+            avx512,
+            #[inline(never)]
+            fn compiled<P: Part>(part: P) -> P::Made {
+                part.make()
+            }
         }
         // SAFETY: the kernel is compiled for the set, so the processor has it.
         unsafe { compiled(part) }
