@@ -136,8 +136,8 @@ pub(crate) fn open(index: usize, lanes: Option<Lanes>) -> Result<OpenclDevice, U
     Ok(OpenclDevice::new(info, cl, options, lanes.unwrap_or_else(|| suitable(found.id))))
 }
 
-/// The lanes that suit a device: graphics processors run scalars side by side, and processors' cores vectors, two registers
-/// of four where they have no wider.
+/// The lanes that suit a device: graphics processors run scalars side by side, and processors' cores vectors, two registers of four where
+/// they have no wider, and of eight where kernels look up fields.
 fn suitable(device: DeviceId) -> Lanes {
     let kind = DeviceType::from_bits_truncate(number(device, Query::Type).unwrap_or(0));
     match number(device, Query::NativeVectorWidthFloat) {

@@ -75,8 +75,9 @@ pub(crate) fn run(options: &Options) -> Done {
 fn work(options: &Options) -> Result<Vec<(Subject, Case)>, Failure> {
     let subjects = subjects(options)?;
     let mut work = Vec::new();
-    for subject in &subjects {
-        work.extend(cases().into_iter().map(|case| (subject.clone(), case)));
+    // Of some devices kernels are compiled one at a time: a case goes round all devices, which leaves no core idle.
+    for case in cases() {
+        work.extend(subjects.iter().map(|subject| (subject.clone(), case.clone())));
     }
     if let Some(text) = &options.filter {
         work.retain(|(subject, case)| name(subject, case).contains(text));

@@ -184,12 +184,12 @@ pub fn trials(subject: &Subject, cases: Vec<Case>, results: Option<&Path>) -> Ve
 /// or fails where `required` names it. Results are written into the folder `results`, where there is one. Each case is tried on
 /// all devices before the next one: of some, kernels are compiled one at a time, which then leaves no core idle.
 pub fn run(args: &Arguments, choices: &[String], required: &[String], results: Option<PathBuf>) -> Conclusion {
-    let (mut all, mut devices) = (Vec::new(), Vec::new());
+    let (mut all, mut subjects) = (Vec::new(), Vec::new());
     let extra = required.iter().filter(|r| !choices.contains(r));
     for choice in choices.iter().chain(extra) {
         let subject = Subject::of_choice(choice);
         match subject.info() {
-            Ok(_) => devices.push(trials(&subject, cases(), results.as_deref()).into_iter()),
+            Ok(_) => subjects.push(subject),
             Err(reason) => {
                 let reason = case::message(&reason);
                 let needed = required.contains(choice);
@@ -199,12 +199,8 @@ pub fn run(args: &Arguments, choices: &[String], required: &[String], results: O
             }
         }
     }
-    loop {
-        let known = all.len();
-        all.extend(devices.iter_mut().filter_map(Iterator::next));
-        if all.len() == known {
-            break;
-        }
+    for case in cases() {
+        all.extend(subjects.iter().flat_map(|subject| trials(subject, vec![case.clone()], results.as_deref())));
     }
     libtest_mimic::run(args, all)
 }
