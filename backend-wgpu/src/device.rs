@@ -118,7 +118,7 @@ impl WgpuDevice {
     }
 
     /// What a kernel of these bindings is built for, once there is room for the copies that it reads.
-    fn prepared(&mut self, part: &Part, cut: Cut, params: &[u8]) -> Result<(Arc<Pipeline>, Fetched), DeviceError> {
+    fn prepared(&mut self, part: &Part, cut: Cut, stage: &Stage) -> Result<(Arc<Pipeline>, Fetched), DeviceError> {
         let bindings = &part.bindings;
         let shapes = self.store.shapes(bindings, self.limits.max_sampled_textures_per_shader_stage)?;
         let mut variant = Variant {
@@ -141,8 +141,9 @@ impl WgpuDevice {
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
         let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
         if self.texels {
-            let words = bytemuck::cast_slice(params);
-            key.known = Some(self.steady.known(&key, words, || part.places(), self.pipelines.len()));
+            let words = bytemuck::cast_slice(stage.params());
+            let built = self.pipelines.len();
+            key.known = Some(self.steady.known((stage.name(), &key), words, || part.places(), built));
         }
         if let Some(pipeline) = self.pipelines.get(&key) {
             return Ok((Arc::clone(pipeline), variant.fetched));
@@ -154,6 +155,7 @@ impl WgpuDevice {
         };
         let (built, fetched) = (Arc::new(build(variant)?), variant.fetched);
         self.pipelines.insert(key, Arc::clone(&built));
+        self.steady.built(stage.name());
         Ok((built, fetched))
     }
 
@@ -208,7 +210,7 @@ impl WgpuDevice {
         let mut prepared = Vec::new();
         for part in &parts {
             let cut = Cut::new(part.axis, part.group, &part.bindings, self.binding_limits())?;
-            let (pipeline, fetched) = self.prepared(part, cut, stage.params())?;
+            let (pipeline, fetched) = self.prepared(part, cut, stage)?;
             prepared.push((part, cut, pipeline, fetched));
         }
         if self.gpu.batch.take_lost() {
@@ -345,12 +347,13 @@ impl Device for WgpuDevice {
     }
 
     fn finish(&mut self) -> Result<Vec<StageTime>, DeviceError> {
-        self.steady.waited();
-        self.clock.finish(&mut self.gpu)
+        let times = self.clock.finish(&mut self.gpu)?;
+        self.steady.waited(&times);
+        Ok(times)
     }
 
     fn flush(&mut self) -> Result<(), DeviceError> {
-        self.steady.waited();
+        self.steady.waited(&[]);
         self.clock.forget();
         self.gpu.flush()
     }

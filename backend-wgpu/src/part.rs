@@ -3,7 +3,9 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use airlight_core::device::Binding;
+use std::time::Duration;
+
+use airlight_core::device::{Binding, StageTime};
 use airlight_core::stage::Stage;
 
 use crate::propagate::{IN_ORDER, PIECES};
@@ -25,14 +27,26 @@ pub(crate) struct Key {
 ///
 /// Mesa's software driver runs both sides of every condition; and it rebuilds kernels for uniforms that conditions depend on,
 /// with every dispatch. Kernels that are built for the numbers have no such conditions. Building takes as long as many
-/// dispatches, so that it is done for numbers that stand over two waits, as those of a stage do that is long or comes in every
-/// frame, or over a few dispatches. What had more values than a few is left a uniform until it stands for longer, and the rest is
-/// built in.
+/// dispatches, so that it is done for numbers that stand for long: until the stage has worked for a tenth of a second, or over some
+/// waits, as those of frames do, or some dispatches. What had more values than a few is left a uniform until it stands for longer, and
+/// the rest is built in.
 #[derive(Debug, Default)]
 pub(crate) struct Steady {
-    /// Waits so far.
     waits: u64,
     habits: HashMap<Key, Habit>,
+    /// How long each stage has worked, without dispatches whose kernels were being built.
+    worked: HashMap<&'static str, Duration>,
+    /// Stages for which kernels were built since the last wait: their times are the compiler's.
+    building: HashSet<&'static str>,
+}
+
+/// A point of time of a stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Moment {
+    /// Waits before.
+    waits: u64,
+    /// How long the stage has worked.
+    worked: Duration,
 }
 
 /// The parameters of a kernel's dispatches.
@@ -49,8 +63,8 @@ struct Habit {
 #[derive(Clone, Debug)]
 struct Standing {
     fact: Option<Fact>,
-    /// The wait before it had that value.
-    since: u64,
+    /// When it came to have that value.
+    since: Moment,
     /// Whether it had too many values to build kernels for them.
     loose: bool,
     /// Over how many waits it has to stand to be built in again: each time for longer.
@@ -59,11 +73,11 @@ struct Standing {
 
 impl Standing {
     /// Takes note of a value; whether it has stood for long enough to be built in again.
-    fn note(&mut self, fact: Fact, wait: u64) -> bool {
+    fn note(&mut self, fact: Fact, now: Moment) -> bool {
         if self.fact.as_ref() != Some(&fact) {
-            (self.fact, self.since) = (Some(fact), wait);
+            (self.fact, self.since) = (Some(fact), now);
         }
-        let stands = self.loose && self.since + self.patience <= wait;
+        let stands = self.loose && self.since.waits + self.patience <= now.waits;
         if stands {
             (self.loose, self.patience) = (false, Habit::MOST_PATIENCE.min(2 * self.patience));
         }
@@ -81,8 +95,8 @@ impl Standing {
 struct Seen {
     /// With nothing where it had too many values.
     numbers: Numbers,
-    /// The wait before.
-    since: u64,
+    /// When first.
+    since: Moment,
     /// How often.
     times: u64,
 }
@@ -98,16 +112,23 @@ impl Habit {
     const MOST_PATIENCE: u64 = 64;
 
     fn new(places: Vec<Place>) -> Self {
-        let facts = vec![Standing { fact: None, since: 0, loose: false, patience: Self::PATIENCE }; places.len()];
+        let facts = vec![
+            Standing { fact: None, since: Moment::default(), loose: false, patience: Self::PATIENCE };
+            places.len()
+        ];
         Self { facts, places, seen: Vec::new() }
     }
 
-    /// The numbers of a dispatch, as kernels may be built for them, with the wait since which they stand.
-    fn note(&mut self, params: &[u32], wait: u64) -> Seen {
+    /// The numbers of a dispatch, as kernels may be built for them, with the moment since which they stand.
+    fn note(&mut self, params: &[u32], now: Moment) -> Seen {
         for (n, place) in self.places.iter().enumerate() {
-            if self.facts[n].note(place.fact(params), wait) {
-                // As if it had always had that value.
-                self.seen.iter_mut().for_each(|seen| seen.numbers[n] = self.facts[n].known());
+            if self.facts[n].note(place.fact(params), now) {
+                // As if it had always had that value, but what was counted before was of others as well.
+                let Standing { since, .. } = self.facts[n];
+                self.seen.iter_mut().for_each(|seen| {
+                    seen.numbers[n] = self.facts[n].known();
+                    (seen.since, seen.times) = (seen.since.max(since), 0);
+                });
             }
         }
         let mut numbers: Numbers = self.facts.iter().map(Standing::known).collect();
@@ -118,7 +139,7 @@ impl Habit {
         if self.seen.len() >= Self::SEEN {
             self.seen.remove(0);
         }
-        self.seen.push(Seen { numbers: numbers.clone(), since: wait, times: 1 });
+        self.seen.push(Seen { numbers: numbers.clone(), since: now, times: 1 });
         for n in 0..numbers.len() {
             let values: HashSet<_> = self.seen.iter().map(|seen| &seen.numbers[n]).collect();
             if values.len() > Self::VALUES {
@@ -128,7 +149,7 @@ impl Habit {
             }
         }
         // What is the same now stands since the first of it.
-        let first = self.seen.iter().find(|seen| seen.numbers == numbers).map_or(wait, |seen| seen.since);
+        let first = self.seen.iter().find(|seen| seen.numbers == numbers).map_or(now, |seen| seen.since);
         Seen { numbers, since: first, times: 1 }
     }
 }
@@ -136,27 +157,40 @@ impl Habit {
 impl Steady {
     /// The most kernels that there may be for one to be built for numbers.
     const MOST: usize = 256;
-    /// Waits over which numbers stand that kernels are built for,
-    const WAITS: u64 = 2;
+    /// What the stage has to work while numbers stand that kernels are built for: building takes that long and more,
+    const WORK: Duration = Duration::from_millis(100);
+    /// or waits over which they stand,
+    pub(crate) const WAITS: u64 = 64;
     /// or dispatches before.
-    const TIMES: u64 = 3;
+    const TIMES: u64 = 64;
 
-    /// Books a wait.
-    pub(crate) fn waited(&mut self) {
-        self.waits += 1;
+    /// Takes note that a kernel of a stage was built.
+    pub(crate) fn built(&mut self, stage: &'static str) {
+        self.building.insert(stage);
     }
 
-    /// What a kernel had better be built to know of `params`, where so many kernels are `built`; `places` tells what it may.
+    /// Books a wait, and the times that were told after it, if any were.
+    pub(crate) fn waited(&mut self, times: &[StageTime]) {
+        self.waits += 1;
+        for time in times.iter().filter(|time| !self.building.contains(time.stage)) {
+            *self.worked.entry(time.stage).or_default() += time.time;
+        }
+        self.building.clear();
+    }
+
+    /// What a kernel of `stage` had better be built to know of `params`, where so many kernels are `built`; `places` tells what it may.
     pub(crate) fn known(
         &mut self,
-        key: &Key,
+        (stage, key): (&'static str, &Key),
         params: &[u32],
         places: impl FnOnce() -> Vec<Place>,
         built: usize,
     ) -> Numbers {
         let habit = self.habits.entry(key.clone()).or_insert_with(|| Habit::new(places()));
-        let Seen { numbers, since, times } = habit.note(params, self.waits);
-        let stands = (since + Self::WAITS <= self.waits || times > Self::TIMES) && built < Self::MOST;
+        let now = Moment { waits: self.waits, worked: self.worked.get(stage).copied().unwrap_or_default() };
+        let Seen { numbers, since, times } = habit.note(params, now);
+        let long = since.waits + Self::WAITS <= now.waits || since.worked + Self::WORK <= now.worked;
+        let stands = (long || times > Self::TIMES) && built < Self::MOST;
         if stands { numbers } else { vec![None; numbers.len()] }
     }
 }
@@ -329,66 +363,85 @@ mod tests {
     }
 
     fn known(steady: &mut Steady, params: [u32; 4]) -> Numbers {
-        steady.known(&key(), &params, places, 0)
+        steady.known(("march", &key()), &params, places, 0)
     }
 
     fn words(words: &[u32]) -> Option<Fact> {
         Some(Fact::Words(words.to_vec()))
     }
 
+    fn worked(steady: &mut Steady, stage: &'static str, millis: u64) {
+        steady.waited(&[StageTime { stage, range: 0..1, time: Duration::from_millis(millis) }]);
+    }
+
     #[test]
-    fn kernels_are_built_for_numbers_that_stood_over_two_waits() {
+    fn kernels_are_built_for_numbers_that_stood_over_many_waits() {
         let mut steady = Steady::default();
         let nothing = vec![None, None];
         let numbers = vec![words(&[1]), words(&[2, 3])];
-        assert_eq!(known(&mut steady, [1, 8, 2, 3]), nothing);
-        steady.waited();
-        assert_eq!(known(&mut steady, [1, 9, 2, 3]), nothing, "the rest of a first frame");
-        steady.waited();
+        for wait in 0..Steady::WAITS as u32 {
+            assert_eq!(known(&mut steady, [1, wait, 2, 3]), nothing);
+            steady.waited(&[]);
+        }
         assert_eq!(known(&mut steady, [1, 8, 2, 3]), numbers);
         assert_eq!(known(&mut steady, [1, 8, 2, 4]), nothing);
         assert_eq!(known(&mut steady, [1, 8, 2, 3]), numbers, "another use of the same frame");
-        (0..2).for_each(|_| steady.waited());
+        (0..Steady::WAITS).for_each(|_| steady.waited(&[]));
         assert_eq!(known(&mut steady, [1, 8, 2, 4]), [words(&[1]), words(&[2, 4])]);
-        assert_eq!(steady.known(&key(), &[1, 8, 2, 3], places, Steady::MOST), nothing);
+        assert_eq!(steady.known(("march", &key()), &[1, 8, 2, 3], places, Steady::MOST), nothing);
+    }
+
+    #[test]
+    fn kernels_are_built_for_numbers_that_take_long() {
+        let mut steady = Steady::default();
+        let known = |steady: &mut Steady| known(steady, [1, 8, 2, 3])[0].is_some();
+        assert!(!known(&mut steady));
+        steady.built("march");
+        worked(&mut steady, "march", 500);
+        assert!(!known(&mut steady), "the compiler's time");
+        worked(&mut steady, "march", 99);
+        worked(&mut steady, "project", 500);
+        assert!(!known(&mut steady), "another stage's time");
+        worked(&mut steady, "march", 1);
+        assert!(known(&mut steady));
     }
 
     #[test]
     fn kernels_are_built_for_numbers_that_come_again_and_again() {
         let mut steady = Steady::default();
-        for time in 0..6 {
+        for time in 0..2 * Steady::TIMES as u32 {
             let numbers = known(&mut steady, [1, time, 2, 3]);
-            assert_eq!(numbers[0].is_some(), time >= 3, "{time}");
+            assert_eq!(numbers[0].is_some(), u64::from(time) >= Steady::TIMES, "{time}");
         }
     }
 
     #[test]
     fn numbers_of_a_scene_that_stays_are_built_in_again() {
         let mut steady = Steady::default();
-        let mut frames = |value, count| -> Vec<bool> {
+        // The frames until kernels are built.
+        let mut frames = |value, count: u64| {
             let frame = |_| {
                 let numbers = known(&mut steady, [value, 0, 7, 7]);
-                steady.waited();
+                steady.waited(&[]);
                 numbers[0].is_some()
             };
-            (0..count).map(frame).collect()
+            let all: Vec<_> = (0..count).map(frame).collect();
+            assert!(all.is_sorted(), "{all:?}");
+            all.into_iter().position(|known| known).unwrap_or(usize::MAX) as u64
         };
-        // Two scenes are built for, the third is one too many until it has stayed for a while, the next for twice as long.
-        assert_eq!(frames(1, 3), [false, false, true]);
-        assert_eq!(frames(2, 3), [false, false, true]);
-        assert_eq!(frames(3, 6), [false, false, false, false, true, true]);
-        assert_eq!(frames(4, 3), [false, false, true]);
-        let next = frames(5, 10);
-        assert_eq!(next.iter().position(|known| *known), Some(8), "{next:?}");
+        // Two scenes are built for. The third is one too many until it has stayed for a while, which is less than it takes anyway.
+        for scene in 1..20 {
+            assert_eq!(frames(scene, 2 * Steady::WAITS), Steady::WAITS, "{scene}");
+        }
     }
 
     #[test]
     fn numbers_that_change_with_every_frame_are_left_out() {
         let mut steady = Steady::default();
-        for frame in 0..9 {
+        for frame in 0..2 * Steady::WAITS as u32 {
             let numbers = known(&mut steady, [frame, 0, 7, 7]);
-            assert_eq!(numbers, [None, words(&[7, 7]).filter(|_| frame >= 2)], "{frame}");
-            steady.waited();
+            assert_eq!(numbers, [None, words(&[7, 7]).filter(|_| u64::from(frame) >= Steady::WAITS)], "{frame}");
+            steady.waited(&[]);
         }
     }
 }

@@ -18,10 +18,19 @@ pub use frames::{Frame, scene};
 pub use stages::{Rig, STAGES, View, gaussians};
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use airlight::glam::{DVec3, UVec3, Vec3};
 use airlight::media::{Grid, GridMedium, Lattice, Medium};
 use rayon::prelude::*;
+
+/// Whether a stage or frame that ran so many times after the first, which took so long together, has settled: backends build
+/// kernels for what stays the same.
+pub(crate) fn settled(runs: usize, took: Duration) -> bool {
+    const RUNS: usize = 80;
+    const LONG: Duration = Duration::from_millis(300);
+    runs >= RUNS || (runs >= 2 && took >= LONG)
+}
 
 /// Voxels along x, y and z: 1.5 million, more than the caches of a core hold.
 pub const DIMS: UVec3 = UVec3::new(144, 96, 112);

@@ -6,7 +6,7 @@ use airlight::Renderer;
 use airlight::device::Device;
 use airlight::stage::Stage;
 
-use crate::{Frame, Lookups, Rig, STAGES, View, density, lattice, scene};
+use crate::{Frame, Lookups, Rig, STAGES, View, density, lattice, scene, settled};
 
 /// What ends a measurement.
 pub type Fault = Box<dyn std::error::Error>;
@@ -79,8 +79,6 @@ const DISPATCH: &str = "prepare/dispatch";
 const COMPILE: &str = "prepare/compile";
 const FIRST_FRAME: &str = "prepare/first-frame";
 
-/// Runs of a stage or frame after the first that are not timed: backends build kernels for what stays the same.
-const SETTLING: usize = 2;
 /// Runs are repeated until they have taken this long together,
 const ENOUGH: Duration = Duration::from_millis(200);
 /// but at least so often that one slow run does not move the median,
@@ -122,7 +120,7 @@ pub fn measure(
         if chosen(&name) {
             // The first frame, which this renders, warms up.
             let mut next = frame.start(open()?)?;
-            (0..SETTLING).try_for_each(|_| next().map(drop))?;
+            settle(|| Ok(next().map(drop)?))?;
             tell(Timing::new(name, repeat(|| Ok(()), |()| Ok(next()?))?, pixels));
         }
     }
@@ -183,8 +181,18 @@ fn timed(rig: &mut Rig, stage: &Stage) -> Result<(Duration, Vec<Duration>), Faul
     let begin = Instant::now();
     rig.run(stage)?;
     let first = begin.elapsed();
-    (0..SETTLING).try_for_each(|_| rig.run(stage))?;
+    settle(|| Ok(rig.run(stage)?))?;
     Ok((first, repeat(|| Ok(()), |()| Ok(rig.run(stage)?))?))
+}
+
+/// Repeats `run` until it has settled.
+fn settle(mut run: impl FnMut() -> Result<(), Fault>) -> Result<(), Fault> {
+    let (mut runs, begin) = (0, Instant::now());
+    while !settled(runs, begin.elapsed()) {
+        run()?;
+        runs += 1;
+    }
+    Ok(())
 }
 
 /// The times of `run`, without what `prepare` takes before it and what dropping its result takes after.

@@ -11,6 +11,7 @@ use airlight::scene::{Precompute, Scene};
 use airlight::transfer::TransferError;
 
 use crate::quick::Timing;
+use crate::settled;
 
 /// What is timed.
 pub enum Work {
@@ -125,8 +126,6 @@ const ENOUGH: Duration = Duration::from_millis(300);
 pub(crate) const FEWEST: usize = 3;
 /// and at most this often.
 const MOST: usize = 9;
-/// The first frames, in which drivers and backends settle, do not count where there are more than the fewest.
-const SETTLING: usize = 4;
 
 /// Times the work. What takes longer than `limit`, or [`PREPARING`] times that where it prepares, is skipped.
 pub fn measure(renderer: &mut Renderer, work: Work, name: &str, limit: Duration) -> Outcome {
@@ -149,15 +148,21 @@ fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Durati
     let begin = Instant::now();
     let camera = &frames.scene.camera;
     let pixels = Some((u64::from(camera.width) * u64::from(camera.height), "pixels"));
+    // Frames in which drivers and backends settle do not count, where there is time for others.
+    let (mut settling, mut settled_for) = (0, Duration::ZERO);
     let (mut runs, mut total, mut stages) = (Vec::new(), Duration::ZERO, Vec::new());
-    while runs.len() < SETTLING + MOST && (total < ENOUGH || runs.len() < FEWEST) {
+    while runs.len() < settling + MOST && (total < ENOUGH || runs.len() < settling + FEWEST) {
         frames.advance();
         let start = Instant::now();
         match within(limit.saturating_sub(begin.elapsed()), |hooks| renderer.render_with(&frames.scene, hooks)) {
             Ok(rendered) => {
                 let time = start.elapsed();
                 runs.push(frames.time(time, &rendered));
-                total += time;
+                if settled(settling, settled_for) {
+                    total += time;
+                } else {
+                    (settling, settled_for) = (settling + 1, settled_for + time);
+                }
                 stages = rendered.report.ran();
                 renderer.recycle(rendered.film);
             }
@@ -165,7 +170,7 @@ fn steady(renderer: &mut Renderer, mut frames: Frames, name: &str, limit: Durati
             Err(error) => return given_up(error, "a frame", limit),
         }
     }
-    runs.drain(..SETTLING.min(runs.len().saturating_sub(FEWEST)));
+    runs.drain(..settling.min(runs.len().saturating_sub(FEWEST)));
     Outcome::Measured { timing: Timing::new(name, runs, pixels), stages, error }
 }
 
