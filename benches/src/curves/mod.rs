@@ -202,7 +202,7 @@ mod tests {
         let listed = backends.iter().flat_map(|backend| backend.devices.iter().flatten());
         for info in listed.filter(|info| info.unusable.is_none()) {
             for mut curve in scenes::all(8, 2) {
-                curve.points.truncate(2);
+                curve.points.truncate(1);
                 if !curve.fits(info) {
                     continue;
                 }
