@@ -160,9 +160,9 @@ impl Steady {
     /// What the stage has to work while numbers stand that kernels are built for: building takes that long and more,
     const WORK: Duration = Duration::from_millis(100);
     /// or waits over which they stand,
-    pub(crate) const WAITS: u64 = 64;
+    pub(crate) const WAITS: u64 = 32;
     /// or dispatches before.
-    const TIMES: u64 = 64;
+    const TIMES: u64 = 32;
 
     /// Takes note that a kernel of a stage was built.
     pub(crate) fn built(&mut self, stage: &'static str) {

@@ -27,8 +27,8 @@ use rayon::prelude::*;
 /// Whether a stage or frame that ran so many times after the first, which took so long together, has settled: backends build
 /// kernels for what stays the same.
 pub(crate) fn settled(runs: usize, took: Duration) -> bool {
-    const RUNS: usize = 80;
-    const LONG: Duration = Duration::from_millis(300);
+    const RUNS: usize = 40;
+    const LONG: Duration = Duration::from_millis(600);
     runs >= RUNS || (runs >= 2 && took >= LONG)
 }
 

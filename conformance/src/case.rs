@@ -198,6 +198,19 @@ impl Case {
         self
     }
 
+    /// The same of a device that has run each stage often before: backends build kernels for what stays the same.
+    pub(crate) fn settled(&self) -> Self {
+        let run = Arc::clone(&self.run);
+        let settled =
+            move |subject: &Subject, record: &mut Record| run(&Subject { settled: true, ..subject.clone() }, record);
+        Self {
+            name: format!("{}_settled", self.name),
+            checks: format!("{} And the same bits, however often it ran before.", self.checks),
+            run: Arc::new(settled),
+            ..self.clone()
+        }
+    }
+
     /// Its name: `group::case`.
     pub fn name(&self) -> &str {
         &self.name

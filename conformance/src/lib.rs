@@ -74,6 +74,8 @@ pub struct Subject {
     name: String,
     open: Arc<Open>,
     info: Arc<OnceLock<DeviceInfo>>,
+    /// Whether stages run often before what they give is looked at again.
+    settled: bool,
 }
 
 impl Subject {
@@ -82,7 +84,7 @@ impl Subject {
         name: impl Into<String>,
         open: impl Fn() -> Result<Box<dyn Device>, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { name: name.into(), open: Arc::new(open), info: Arc::default() }
+        Self { name: name.into(), open: Arc::new(open), info: Arc::default(), settled: false }
     }
 
     /// The device of a choice as [`airlight::open`] takes it: `cpu`, `wgpu:1`.

@@ -1,6 +1,8 @@
 //! Cases, and what they book.
 
-use airlight_conformance::{Axis, Case, Need, Outcome, Record, Score, Sidecar, Subject, tolerance, trials, try_all};
+use airlight_conformance::{
+    Axis, Case, Need, Outcome, Record, Score, Sidecar, Subject, cases, tolerance, trials, try_all,
+};
 use libtest_mimic::{Arguments, Failed};
 
 fn cpu() -> Subject {
@@ -196,4 +198,13 @@ fn every_case_of_the_suite_says_what_it_checks() {
             assert!(!axis.values.is_empty(), "{name}: {axis:?}");
         }
     }
+}
+
+#[test]
+fn every_stage_is_tried_of_devices_that_have_settled() {
+    let names: Vec<String> = cases().iter().map(|case| case.name().to_owned()).collect();
+    let of_stages: Vec<_> = names.iter().filter_map(|name| name.strip_prefix("stage::")?.split_once("::")).collect();
+    let settled = |stage: &str| of_stages.iter().any(|(s, case)| *s == stage && case.ends_with("_settled"));
+    let lacking: Vec<_> = of_stages.iter().filter(|(stage, _)| !settled(stage)).collect();
+    assert!(!of_stages.is_empty() && lacking.is_empty(), "{lacking:?}");
 }
