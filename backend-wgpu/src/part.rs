@@ -109,7 +109,7 @@ impl Habit {
     /// Waits over which what had more values has to stand at first, as after a new scene,
     const PATIENCE: u64 = 4;
     /// and at the most.
-    const MOST_PATIENCE: u64 = 64;
+    const MOST_PATIENCE: u64 = 32;
 
     fn new(places: Vec<Place>) -> Self {
         let facts = vec![
