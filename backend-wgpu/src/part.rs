@@ -2,7 +2,6 @@
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
-
 use std::time::Duration;
 
 use airlight_core::device::{Binding, StageTime};

@@ -18,8 +18,10 @@ fn broken(choice: &str, stage: &'static str, fault: Fault) -> Subject {
     })
 }
 
+/// Cases of a name. Those of devices that have settled do what others do, which are here, and forty runs more.
 fn group(prefix: &str) -> Vec<Case> {
-    let found: Vec<_> = cases().into_iter().filter(|case| case.name().starts_with(prefix)).collect();
+    let chosen = |case: &Case| case.name().starts_with(prefix) && !case.name().ends_with("_settled");
+    let found: Vec<_> = cases().into_iter().filter(chosen).collect();
     assert!(!found.is_empty(), "no case is named {prefix}");
     found
 }

@@ -52,8 +52,7 @@ pub(crate) fn cases() -> Vec<Case> {
         photons::cases(),
     ];
     let mut all: Vec<_> = all.into_iter().flatten().collect();
-    let settled: Vec<_> =
-        all.iter().filter(|case| SETTLED.iter().any(|name| case.name() == *name)).map(Case::settled).collect();
+    let settled: Vec<_> = all.iter().filter(|case| SETTLED.contains(&case.name())).map(Case::settled).collect();
     all.extend(settled);
     all
 }
@@ -104,4 +103,19 @@ fn case(
         record.within(tolerance.filtered(record.info()), |record| run(subject, record))
     };
     Case::new(format!("stage::{stage}::{name}"), checks, filtered).within(tolerance).varies(&cuts())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_tried_of_devices_that_have_settled_is_there() {
+        let all = cases();
+        let mut found: Vec<_> = all.iter().filter_map(|case| case.name().strip_suffix("_settled")).collect();
+        let mut expected = SETTLED.to_vec();
+        found.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(found, expected);
+    }
 }
