@@ -8,7 +8,7 @@ void moment(const Bound *bound, size_t row, uint count, float3 *found);
 void run_evaluate(const Bound *bound) {
     float3 found[ROWS];
     if (bound->params->folded == 0u) {
-        size_t n = get_global_id(0) * ROWS;
+        size_t n = item() * ROWS;
         if (n >= bound->launch->count) {
             return;
         }
@@ -20,10 +20,10 @@ void run_evaluate(const Bound *bound) {
         }
         return;
     }
-    if (get_global_id(0) >= bound->launch->count) {
+    if (item() >= bound->launch->count) {
         return;
     }
-    uint index = bound->launch->start + (uint)get_global_id(0);
+    uint index = bound->launch->start + (uint)item();
     uint coefficients = bound->params->coefficients;
     uint cluster = index / bound->params->per_cluster;
     float3 sum = (float3)(0.0f);

@@ -44,7 +44,7 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) fn new(subject: &Subject) -> Result<Self, Failed> {
-        Ok(Self { device: subject.open()?, next: 0, settled: subject.settled })
+        Ok(Self { device: subject.device()?, next: 0, settled: subject.settled })
     }
 
     pub(crate) fn id(&mut self) -> ResourceId {

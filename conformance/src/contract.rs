@@ -104,7 +104,7 @@ fn refused<T>(what: &str, result: Result<T, DeviceError>) -> Result<(), Failed> 
 }
 
 fn info(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let device = subject.open()?;
+    let device = subject.device()?;
     let info = device.info();
     check!(!info.name.is_empty() && !info.backend.is_empty(), "a device without a name: {info:?}");
     check!(info.id() == format!("{}:{}", info.backend, info.index), "id {}", info.id());
@@ -148,7 +148,7 @@ fn parts(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 }
 
 fn destroyed(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     let id = ResourceId(3);
     device.create(id, &buffer(64))?;
     refused("an id that exists", device.create(id, &buffer(64)))?;
@@ -164,7 +164,7 @@ fn destroyed(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
 }
 
 fn unknown(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     let id = ResourceId(99);
     refused("writing", device.write(id, 0, &[0; 4]))?;
     refused("reading", device.read(id, 0, &mut [0; 4]))?;
@@ -177,7 +177,7 @@ fn unknown(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
 }
 
 fn past_the_end(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     let id = ResourceId(1);
     device.create(id, &buffer(64))?;
     for (offset, len) in [(0u64, 68usize), (64, 4), (60, 8), (u64::MAX - 3, 4)] {
@@ -268,7 +268,7 @@ fn publication(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
 }
 
 fn limits(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     let beyond = device.info().limits.buffer_bytes.saturating_mul(4).saturating_add(64) & !15;
     refused("a buffer past every limit", device.create(ResourceId(1), &buffer(beyond.max(1 << 60))))?;
     let spec = FieldSpec::dense([u32::MAX, u32::MAX, u32::MAX], 1, FieldFormat::Rgba);
@@ -298,7 +298,7 @@ fn misfits(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
 }
 
 fn finish(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let mut device: Box<dyn Device> = subject.open()?;
+    let mut device: Box<dyn Device> = subject.device()?;
     check!(device.finish()?.is_empty(), "times of dispatches that never were");
     device.create(ResourceId(1), &buffer(64))?;
     check!(device.finish()?.is_empty(), "a time of something that was no dispatch");

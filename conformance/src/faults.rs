@@ -149,7 +149,7 @@ fn other() -> Scene {
 
 /// The film of a device that has seen nothing else.
 fn undisturbed(subject: &Subject, scene: &Scene) -> Result<Film, Failed> {
-    Ok(subject.renderer()?.render(scene)?.film)
+    Ok(subject.fresh()?.render(scene)?.film)
 }
 
 fn same(record: &mut Record, name: &str, found: &Film, expected: &Film) {
@@ -165,7 +165,7 @@ fn field(dims: [u32; 3]) -> ResourceSpec {
 }
 
 fn invalid(subject: &Subject, _: &mut Record) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     let (buf, volume, none) = (ResourceId(0), ResourceId(1), ResourceId(9));
     device.create(buf, &buffer(40))?;
     device.create(volume, &field([3, 2, 4]))?;
@@ -309,7 +309,7 @@ impl Device for Watched {
 fn over_budget(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let held = Arc::new(Mutex::new(HashMap::new()));
     let total = || held.lock().unwrap_or_else(PoisonError::into_inner).values().sum::<u64>();
-    let mut renderer = Renderer::new(Box::new(Watched { inner: subject.open()?, held: Arc::clone(&held) }));
+    let mut renderer = Renderer::new(Box::new(Watched { inner: subject.device()?, held: Arc::clone(&held) }));
     const BUDGET: u64 = 10_000;
     renderer.executor().set_budget(BUDGET);
     for _ in 0..2 {
@@ -377,7 +377,7 @@ fn fault(record: &Record, result: Result<(), RenderError>) -> Result<(String, De
 
 fn failing(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
-        let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Fail)));
+        let mut renderer = Renderer::new(Box::new(Faulty::new(subject.device()?, broken, Fault::Fail)));
         for _ in 0..2 {
             let (stage, error) = fault(record, run(&mut renderer, broken))?;
             check!(stage == broken && matches!(error, DeviceError::Backend(_)), "{stage}: {error:?}");
@@ -393,7 +393,7 @@ fn slow(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     record.each(&stages(), |record, &broken| {
         let mut found = None;
         for _ in 0..TRIES {
-            let mut renderer = Renderer::new(Box::new(Faulty::new(subject.open()?, broken, Fault::Slow(by))));
+            let mut renderer = Renderer::new(Box::new(Faulty::new(subject.device()?, broken, Fault::Slow(by))));
             renderer.executor().set_patience(Some(patience));
             let (stage, error) = fault(record, run(&mut renderer, broken))?;
             let held_up = stage != broken && matches!(error, DeviceError::Timeout { .. });

@@ -69,7 +69,7 @@ fn cut_sky(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let expected = by_the_processor(&scene)?;
     record.within(record.tolerance().filtered(record.info()), |record| {
         record.each(&sizes(), |record, &narrow| {
-            let mut device = subject.open()?;
+            let mut device = subject.device()?;
             if narrow {
                 // Some of the sky's 128 texels at a time.
                 device.narrow(&Limits { binding_bytes: 2048, field_side: 3, ..NARROW });
@@ -86,7 +86,7 @@ fn ten_bands(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     let expected = by_the_processor(&scene)?;
     record.within(record.tolerance().filtered(record.info()), |record| {
         record.each(&sizes(), |record, &narrow| {
-            let mut device = subject.open()?;
+            let mut device = subject.device()?;
             if narrow {
                 // Some records at a time, of 1200 bytes, and some slices of cells, of a hundred layers. The weights of
                 // 300 directions are bound as a whole.
@@ -100,7 +100,7 @@ fn ten_bands(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 
 /// Renders all scenes with one renderer: what a scene does not need any more is dropped, what another needs is made.
 fn follow(subject: &Subject, record: &mut Record, limits: Option<&Limits>) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     if let Some(limits) = limits {
         device.narrow(limits);
     }

@@ -68,7 +68,7 @@ pub(crate) fn cases() -> Vec<Case> {
 
 fn case(name: &str, scene: Scene, changes: Axis<Change>) -> Case {
     let checks = format!(
-        "After each change of a scene ({}) just the stages run that depend on it, and the film is a fresh device's.",
+        "After each change of a scene ({}) just the stages run that depend on it, and the film is a fresh renderer's.",
         name.replace('_', " ")
     );
     let (permutations, variants) = (changes.clone(), caches());
@@ -107,7 +107,7 @@ struct Change {
 }
 
 /// Applies the changes one after the other. After each, the stages that ran must be those listed, a second render
-/// must run none, and the film must be that of a fresh device, bit for bit.
+/// must run none, and the film must be that of a fresh renderer, bit for bit.
 fn follow(subject: &Subject, record: &mut Record, mut scene: Scene, changes: &Axis<Change>) -> Result<(), Failed> {
     let mut renderer = subject.renderer()?;
     let all = ["reduce", "project", "relight", "reduce", "march"];

@@ -141,7 +141,7 @@ fn scenes() -> Axis<Shown> {
 }
 
 fn pictures(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
-    let kinds: FieldKinds = subject.open()?.field_kinds();
+    let kinds: FieldKinds = subject.device()?.field_kinds();
     let mut first = true;
     record.each(&scenes(), |record, shown| {
         let whole = std::mem::take(&mut first);

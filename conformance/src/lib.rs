@@ -33,6 +33,7 @@ mod fixtures;
 mod frames;
 mod keys;
 mod layouts;
+mod lender;
 mod limits;
 mod paths;
 pub mod pictures;
@@ -59,6 +60,7 @@ use libtest_mimic::{Arguments, Completion, Conclusion, Trial};
 
 pub use case::{Axis, Case, Labels, Need};
 pub use compare::{Difference, compare};
+pub use lender::Lender;
 pub use libtest_mimic::Failed;
 pub use record::{MISMATCHES, Mismatch, Mismatches, Picture, Place, Record, Score, rgb};
 pub use report::{Reported, Sheet, SheetEntry, write_report, write_sheet};
@@ -66,25 +68,23 @@ pub use sidecar::{AxisRecord, DeviceRecord, FORMAT, FORMAT_VERSION, LimitsRecord
 pub use suite::try_all;
 pub use tolerance::Tolerance;
 
-type Open = dyn Fn() -> Result<Box<dyn Device>, String> + Send + Sync;
-
 /// A device to be tried, under the name that its cases bear.
 #[derive(Clone)]
 pub struct Subject {
     name: String,
-    open: Arc<Open>,
+    devices: Lender,
     info: Arc<OnceLock<DeviceInfo>>,
     /// Whether stages run often before what they give is looked at again.
     settled: bool,
 }
 
 impl Subject {
-    /// A device that `open` opens anew for every case.
+    /// A device that `open` opens as often as cases run at the same time, and anew after one that must not be used again ([`Lender`]).
     pub fn new(
         name: impl Into<String>,
         open: impl Fn() -> Result<Box<dyn Device>, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { name: name.into(), open: Arc::new(open), info: Arc::default(), settled: false }
+        Self { name: name.into(), devices: Lender::new(open), info: Arc::default(), settled: false }
     }
 
     /// The device of a choice as [`airlight::open`] takes it: `cpu`, `wgpu:1`.
@@ -98,32 +98,40 @@ impl Subject {
         &self.name
     }
 
-    /// Opens the device.
+    /// The device, which holds nothing and may have been used by other cases.
     ///
     /// # Errors
     /// What the device's maker says.
-    pub fn open(&self) -> Result<Box<dyn Device>, Failed> {
-        (self.open)().map_err(Failed::from)
+    pub fn device(&self) -> Result<Box<dyn Device>, Failed> {
+        self.devices.lend().map_err(Failed::from)
     }
 
-    /// What the device is. It is opened for that once.
+    /// What the device is.
     ///
     /// # Errors
-    /// As [`Subject::open`].
+    /// As [`Subject::device`].
     pub fn info(&self) -> Result<DeviceInfo, Failed> {
         if let Some(info) = self.info.get() {
             return Ok(info.clone());
         }
-        let info = self.open()?.info().clone();
+        let info = self.device()?.info().clone();
         Ok(self.info.get_or_init(|| info).clone())
     }
 
-    /// Opens the device under a renderer.
+    /// The device under a renderer that has rendered nothing.
     ///
     /// # Errors
-    /// As [`Subject::open`].
+    /// As [`Subject::device`].
     pub fn renderer(&self) -> Result<Renderer, Failed> {
-        Ok(Renderer::new(self.open()?))
+        Ok(Renderer::new(self.device()?))
+    }
+
+    /// The device, opened anew, under a renderer.
+    ///
+    /// # Errors
+    /// As [`Subject::device`].
+    pub fn fresh(&self) -> Result<Renderer, Failed> {
+        Ok(Renderer::new(self.devices.fresh()?))
     }
 }
 

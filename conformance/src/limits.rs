@@ -90,7 +90,7 @@ fn scalars(dims: [u32; 3]) -> FieldSpec {
 }
 
 fn refusals(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
-    let mut device = subject.open()?;
+    let mut device = subject.device()?;
     let limits = record.info().limits;
     let sides = [[limits.field_side.saturating_add(1), 1, 1], [1, limits.field_side.saturating_add(1), 1]];
     let too_large = sides

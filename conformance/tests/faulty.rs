@@ -4,18 +4,15 @@
 
 use airlight::device::{Fault, Faulty};
 use airlight::stage::Stage;
-use airlight_conformance::{Case, Failed, Subject, cases, listed};
+use airlight_conformance::{Case, Failed, Lender, Subject, cases, listed};
 use libtest_mimic::{Arguments, Completion, Trial};
 
 /// A multiple that no rounding makes: a tenth of a per cent.
 const SLIGHTLY: f32 = 1.001;
 
-fn broken(choice: &str, stage: &'static str, fault: Fault) -> Subject {
-    let choice = choice.to_owned();
-    Subject::new(format!("{stage} {fault:?}"), move || {
-        let device = airlight::open(&choice).map_err(|e| e.to_string())?;
-        Ok(Box::new(Faulty::new(device, stage, fault)))
-    })
+fn broken(devices: &Lender, stage: &'static str, fault: Fault) -> Subject {
+    let devices = devices.clone();
+    Subject::new(format!("{stage} {fault:?}"), move || Ok(Box::new(Faulty::new(devices.lend()?, stage, fault))))
 }
 
 /// Cases of a name. Those of devices that have settled do what others do, which are here, and forty runs more.
@@ -55,9 +52,11 @@ fn proof(choice: &str) -> Vec<Trial> {
     const MATRICES: &str = "stage::reconstruct::of_evaluated_light";
     const FLOWN: &str = "transfer::solvers";
     let mut trials = Vec::new();
+    let wanted = choice.to_owned();
+    let devices = &Lender::new(move || airlight::open(&wanted).map_err(|e| e.to_string()));
     for stage in Stage::NAMES {
         for fault in [Fault::Skip, Fault::Scale(SLIGHTLY), Fault::Fail] {
-            let subject = broken(choice, stage, fault);
+            let subject = broken(devices, stage, fault);
             let name = format!("{choice}::every_case_of_a_stage_notices::{}", subject.name());
             // What is zero stays zero, however it is multiplied.
             let zero = move |case: &Case| {
@@ -88,15 +87,16 @@ fn proof(choice: &str) -> Vec<Trial> {
             if stage == "reduce" && matches!(fault, Fault::Scale(_)) {
                 continue;
             }
-            let subject = broken(choice, stage, fault);
+            let subject = broken(devices, stage, fault);
             let name = format!("{choice}::whole_pictures_notice::{}", subject.name());
             trials.push(Trial::test(name, move || noticed(&subject, group(pictures))));
         }
     }
-    let subject = broken(choice, "upsample", Fault::Blind("normals"));
+    let subject = broken(devices, "upsample", Fault::Blind("normals"));
     let name = format!("{choice}::whole_pictures_notice::{}", subject.name());
     trials.push(Trial::test(name, move || noticed(&subject, group(CREASES))));
-    let whole = Subject::of_choice(choice);
+    let whole = devices.clone();
+    let whole = Subject::new(choice, move || whole.lend());
     trials.push(Trial::test(format!("{choice}::a_whole_device_passes_what_broken_ones_fail"), move || {
         let pictures = [
             PICTURES, SHADOWS, GAUSSIANS, FLOOR, FRAMES, SCATTERING, SWEPT, SEQUENCES, PATHS, CLASSIFIED, CREASES,

@@ -70,7 +70,7 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     let p = inputs.p;
     let (values, moments) = (p.layers() as usize * WIDTH, p.coefficients() as usize);
     if p.view == 0 && moments == 1 {
-        return singles::<S>(inputs, first, out);
+        return singles(inputs, first, out);
     }
     let color = M::of(lanes!(i => if i % WIDTH < 3 { u32::MAX } else { 0 }));
     let mut basis = [F::<S>::ZERO; harmonics::MAX];
@@ -116,12 +116,11 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     }
 }
 
-/// The layer of the cells from `first` on where light has one moment, a quarter of a packet.
+/// The layer of the cells from `first` on where light has one moment: a register of four, of which a packet would be a quarter.
 #[inline(always)]
-fn singles<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
+fn singles(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     let p = inputs.p;
-    let color = M::of(lanes!(i => if i % WIDTH < 3 { u32::MAX } else { 0 }));
-    let beta = F::of(inputs.beta[0]);
+    let beta = inputs.beta[0][0];
     let (out, _) = out.as_chunks_mut::<WIDTH>();
     let rows = &inputs.rows[first..][..out.len()];
     for (&place, out) in rows.iter().zip(out) {
@@ -130,24 +129,24 @@ fn singles<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
             continue;
         }
         let place = place.min(p.rows) as usize - 1;
-        let mut light = single::<S>(inputs, 0, place);
+        let mut light = single(inputs, 0, place);
         if p.channels == 3 {
-            light = each_its_own(light, single(inputs, 1, place), single(inputs, 2, place));
+            light = [light[0], single(inputs, 1, place)[1], single(inputs, 2, place)[2], 0.0];
         }
-        let light = color.select(light, F::ZERO) * beta;
-        out.copy_from_slice(&light.0[..WIDTH]);
+        *out = [light[0] * beta, light[1] * beta, light[2] * beta, 0.0];
     }
 }
 
 /// The one moment of a row in a channel: its cluster's mean, and what it weighs the components.
 #[inline(always)]
-fn single<S: Simd>(inputs: &Inputs<'_>, channel: usize, place: usize) -> F<S> {
+fn single(inputs: &Inputs<'_>, channel: usize, place: usize) -> [f32; WIDTH] {
     let row = row(inputs, 1, channel, place);
     let (values, _) = row.radiance.as_chunks::<WIDTH>();
-    let mut sum = F::of(lanes!(i => if i < WIDTH { values[0][i] } else { 0.0 }));
-    for n in 0..row.weights.len() {
-        let value = &values[n + 1];
-        sum = sum + F::of(lanes!(i => if i < WIDTH { value[i] } else { 0.0 })) * row.weights[n];
+    let mut sum = values[0];
+    for (value, weight) in values[1..].iter().zip(row.weights) {
+        for c in 0..WIDTH {
+            sum[c] += value[c] * weight;
+        }
     }
     sum
 }
@@ -171,15 +170,10 @@ fn row<'a>(inputs: &Inputs<'a>, moments: usize, channel: usize, row: usize) -> R
 fn arriving<S: Simd>(moments: usize, row: &Row<'_>, others: &Option<[Row<'_>; 2]>, j: usize) -> F<S> {
     let first = restored(moments, row, j);
     let Some([green, blue]) = others else { return first };
-    each_its_own(first, restored(moments, green, j), restored(moments, blue, j))
-}
-
-/// Red of the first, green of the second, blue of the third, four times.
-#[inline(always)]
-fn each_its_own<S: Simd>(red: F<S>, green: F<S>, blue: F<S>) -> F<S> {
+    let (green, blue) = (restored(moments, green, j), restored(moments, blue, j));
     let is_green = M::of(lanes!(i => if i % WIDTH == 1 { u32::MAX } else { 0 }));
     let is_blue = M::of(lanes!(i => if i % WIDTH == 2 { u32::MAX } else { 0 }));
-    is_green.select(green, is_blue.select(blue, red))
+    is_green.select(green, is_blue.select(blue, first))
 }
 
 /// Four moments of a row in a channel from `j` on: its cluster's mean, and what it weighs the components.

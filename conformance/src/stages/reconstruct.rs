@@ -257,7 +257,7 @@ pub(crate) fn chain(executor: &mut Executor) -> Result<Buf<[f32; 4]>, ExecError>
 }
 
 fn of_evaluated_light(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
-    let mut executor = Executor::new(subject.open()?);
+    let mut executor = Executor::new(subject.device()?);
     let out = chain(&mut executor)?;
     let found = executor.read(out)?;
     record.hold("J", found.into_iter().flatten(), Chain::new().expected());

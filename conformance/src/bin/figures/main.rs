@@ -278,7 +278,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(sections) = &args.transfers {
         return transfers::transfers(&subject, sections, args.quick, args.output.as_deref(), args.images.as_deref());
     }
-    let name = subject.open().map_err(told)?.info().name.clone();
+    let name = subject.device().map_err(told)?.info().name.clone();
     let mut page = String::from("# Figures\n\n");
     writeln!(
         page,
