@@ -11,11 +11,15 @@ use airlight::device::{Device, DeviceError, DeviceInfo, FieldKinds, Limits, Reso
 use airlight::stage::Stage;
 
 type Open = dyn Fn() -> Result<Box<dyn Device>, String> + Send + Sync;
-type Idle = Arc<Mutex<Vec<Box<dyn Device>>>>;
+/// Devices, and how often each was lent.
+type Idle = Arc<Mutex<Vec<(Box<dyn Device>, u32)>>>;
+
+/// How often a device is lent: it keeps every kernel that it has met, megabytes each, of which the next cases need a few.
+const USES: u32 = 64;
 
 /// Opens devices, and lends those that came back before it opens another. What comes back holds nothing and has no limit of time. A
-/// device does not come back that was lost or gave up, whose limits were narrowed, that fails when it is cleared, or in whose hands a
-/// case panicked.
+/// device does not come back that was lent often, was lost or gave up, whose limits were narrowed, that fails when it is cleared, or
+/// with which a case panicked.
 #[derive(Clone)]
 pub struct Lender {
     open: Arc<Open>,
@@ -34,11 +38,12 @@ impl Lender {
     /// What `open` says.
     pub fn lend(&self) -> Result<Box<dyn Device>, String> {
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let inner = match idle {
-            Some(inner) => inner,
-            None => (self.open)()?,
+        let (inner, uses) = match idle {
+            Some(idle) => idle,
+            None => ((self.open)()?, 0),
         };
-        Ok(Box::new(Lent { inner: Some(inner), held: HashSet::new(), spoilt: false, idle: self.idle.clone() }))
+        let (held, spoilt, idle) = (HashSet::new(), uses + 1 == USES, self.idle.clone());
+        Ok(Box::new(Lent { inner: Some(inner), uses: uses + 1, held, spoilt, idle }))
     }
 
     /// A device just opened, which does not come back.
@@ -54,6 +59,7 @@ impl Lender {
 struct Lent {
     /// There until it is dropped.
     inner: Option<Box<dyn Device>>,
+    uses: u32,
     held: HashSet<ResourceId>,
     /// Whether it must not come back.
     spoilt: bool,
@@ -85,7 +91,7 @@ impl Drop for Lent {
         }
         inner.set_patience(None);
         if inner.finish().is_ok() {
-            self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(inner);
+            self.idle.lock().unwrap_or_else(PoisonError::into_inner).push((inner, self.uses));
         }
     }
 }
@@ -157,5 +163,66 @@ impl Device for Lent {
     fn narrow(&mut self, limits: &Limits) -> bool {
         self.spoilt = true;
         self.inner.as_mut().is_some_and(|inner| inner.narrow(limits))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use airlight::device::Usage;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// A lender of processors, and how many it opened.
+    fn lender() -> (Lender, Arc<AtomicU32>) {
+        let opened = Arc::new(AtomicU32::new(0));
+        let count = opened.clone();
+        let open = move || {
+            count.fetch_add(1, Ordering::Relaxed);
+            airlight::open("cpu").map_err(|e| e.to_string())
+        };
+        (Lender::new(open), opened)
+    }
+
+    fn buffer(device: &mut dyn Device) -> Result<(), DeviceError> {
+        device.create(ResourceId(7), &ResourceSpec::Buffer { bytes: 16, usage: Usage::Work })
+    }
+
+    #[test]
+    fn what_comes_back_holds_nothing_and_is_lent_again() {
+        let (lender, opened) = lender();
+        for _ in 0..3 {
+            let mut device = lender.lend().unwrap();
+            buffer(&mut *device).unwrap();
+            assert!(buffer(&mut *device).is_err(), "it is there");
+        }
+        assert_eq!(opened.load(Ordering::Relaxed), 1);
+        // Two at the same time are two, and a fresh one is another.
+        drop((lender.lend().unwrap(), lender.lend().unwrap(), lender.fresh().unwrap()));
+        assert_eq!(opened.load(Ordering::Relaxed), 3);
+        drop((lender.lend().unwrap(), lender.lend().unwrap()));
+        assert_eq!(opened.load(Ordering::Relaxed), 3);
+    }
+
+    #[test]
+    fn what_was_narrowed_or_panicked_with_or_lent_often_does_not_come_back() {
+        let (lender, opened) = lender();
+        let mut narrowed = lender.lend().unwrap();
+        let limits = narrowed.info().limits.clone();
+        narrowed.narrow(&limits);
+        drop(narrowed);
+        let lent = lender.lend().unwrap();
+        assert_eq!(opened.load(Ordering::Relaxed), 2);
+        thread::spawn(move || {
+            let _lent = lent;
+            std::panic::resume_unwind(Box::new("a case that panics"));
+        })
+        .join()
+        .unwrap_err();
+        for _ in 0..USES {
+            lender.lend().unwrap();
+        }
+        assert_eq!(opened.load(Ordering::Relaxed), 3);
+        lender.lend().unwrap();
+        assert_eq!(opened.load(Ordering::Relaxed), 4);
     }
 }

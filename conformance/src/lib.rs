@@ -190,6 +190,13 @@ pub fn trials(subject: &Subject, cases: Vec<Case>, results: Option<&Path>) -> Ve
     cases.into_iter().map(trial).collect()
 }
 
+/// The arguments of a program of tests on devices; as many run at a time as [`try_all`] tries, unless they say otherwise.
+pub fn arguments() -> Arguments {
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads.get_or_insert_with(suite::threads);
+    arguments
+}
+
 /// Tries the devices of `choices` as tests of libtest-mimic. One that cannot be had is said on stderr and left out,
 /// or fails where `required` names it. Results are written into the folder `results`, where there is one. Each case is tried on
 /// all devices before the next one: of some, kernels are compiled one at a time, which then leaves no core idle.

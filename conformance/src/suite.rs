@@ -7,7 +7,13 @@ use std::thread;
 
 use crate::{Case, Sidecar, Subject};
 
-/// Tries every case on its device, as many at a time as the machine has cores, and tells `done` of each result as it
+/// Cases at a time: half as many again as there are cores, since some wait for a driver that compiles one kernel after the other.
+pub(crate) fn threads() -> usize {
+    let cores = thread::available_parallelism().map_or(1, NonZero::get);
+    cores + cores.div_ceil(2)
+}
+
+/// Tries every case on its device, half as many again at a time as the machine has cores, and tells `done` of each result as it
 /// comes. Results are in the order of the work.
 ///
 /// # Errors
@@ -35,8 +41,7 @@ pub fn try_all<E: Send>(
             all[i] = Some(result);
         }
     };
-    let threads = thread::available_parallelism().map_or(1, NonZero::get).min(work.len());
-    thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(worker))));
+    thread::scope(|scope| (0..threads().min(work.len())).for_each(|_| drop(scope.spawn(worker))));
     let (_, all, error) = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     match error {
         Some(e) => Err(e),

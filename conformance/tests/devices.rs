@@ -2,8 +2,7 @@
 //! `AIRLIGHT_REQUIRE` names fails where it cannot be had, the others are skipped. `AIRLIGHT_RESULTS` names a folder
 //! that results are written into.
 
-use airlight_conformance::{listed, run};
-use libtest_mimic::Arguments;
+use airlight_conformance::{arguments, listed, run};
 
 fn main() {
     let mut devices = listed("AIRLIGHT_DEVICES");
@@ -11,5 +10,5 @@ fn main() {
         devices.push("cpu".to_owned());
     }
     let results = std::env::var_os("AIRLIGHT_RESULTS").map(Into::into);
-    run(&Arguments::from_args(), &devices, &listed("AIRLIGHT_REQUIRE"), results).exit();
+    run(&arguments(), &devices, &listed("AIRLIGHT_REQUIRE"), results).exit();
 }

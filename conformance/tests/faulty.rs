@@ -4,8 +4,8 @@
 
 use airlight::device::{Fault, Faulty};
 use airlight::stage::Stage;
-use airlight_conformance::{Case, Failed, Lender, Subject, cases, listed};
-use libtest_mimic::{Arguments, Completion, Trial};
+use airlight_conformance::{Case, Failed, Lender, Subject, arguments, cases, listed};
+use libtest_mimic::{Completion, Trial};
 
 /// A multiple that no rounding makes: a tenth of a per cent.
 const SLIGHTLY: f32 = 1.001;
@@ -125,5 +125,5 @@ fn main() {
             vec![Trial::ignorable_test(format!("{choice}::available"), absent)]
         }
     });
-    libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
+    libtest_mimic::run(&arguments(), trials.collect()).exit();
 }

@@ -18,6 +18,8 @@ const CHUNK: usize = 64 * LANES;
 
 /// Values of a moment: RGBA.
 const WIDTH: usize = 4;
+/// All bits of the colors of RGBA.
+const COLOR: [u32; WIDTH] = [u32::MAX, u32::MAX, u32::MAX, 0];
 /// Moments of a packet.
 const FOUR: usize = LANES / WIDTH;
 
@@ -32,6 +34,9 @@ struct Inputs<'a> {
     beta: &'a [Floats],
     /// Constants of spherical harmonics.
     constants: &'a [f32],
+    /// The bits that are kept of RGBA: all of the colors. Not a constant, for which the compiler would take a sum of four apart into
+    /// what is needed of it.
+    color: [u32; WIDTH],
 }
 
 /// A row in a channel: the moments of its cluster's mean and components, and what it weighs the components.
@@ -54,7 +59,7 @@ pub(crate) fn run(
     let beta: Vec<Floats> = (0..beta.len().div_ceil(FOUR)).map(|n| lanes!(l => weight(n * FOUR + l / WIDTH))).collect();
     let (rows, clusters) = (read.buf(stage.rows)?, read.buf(stage.clusters)?);
     let (weights, radiance) = (read.opt(stage.weights)?, bytemuck::cast_slice(read.buf(stage.radiance)?));
-    let inputs = &Inputs { p, rows, clusters, weights, radiance, beta: &beta, constants };
+    let inputs = &Inputs { p, rows, clusters, weights, radiance, beta: &beta, constants, color: COLOR };
     let (start, end, values) = (range.start as usize, range.end as usize, p.layers() as usize * WIDTH);
     let out: &mut [f32] = bytemuck::cast_slice_mut(out.remove(0));
     out[start * values..end * values].par_chunks_mut(CHUNK * values).enumerate().for_each(|(n, out)| {
@@ -70,9 +75,12 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     let p = inputs.p;
     let (values, moments) = (p.layers() as usize * WIDTH, p.coefficients() as usize);
     if p.view == 0 && moments == 1 {
-        return singles(inputs, first, out);
+        return match p.channels {
+            3 => singles::<3>(inputs, first, out),
+            _ => singles::<1>(inputs, first, out),
+        };
     }
-    let color = M::of(lanes!(i => if i % WIDTH < 3 { u32::MAX } else { 0 }));
+    let color = M::of(lanes!(i => COLOR[i % WIDTH]));
     let mut basis = [F::<S>::ZERO; harmonics::MAX];
     for (n, out) in out.chunks_mut(LANES * values).enumerate() {
         let cell = first + n * LANES;
@@ -118,22 +126,22 @@ fn reconstruct<S: Simd>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
 
 /// The layer of the cells from `first` on where light has one moment: a register of four, of which a packet would be a quarter.
 #[inline(always)]
-fn singles(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
-    let p = inputs.p;
+fn singles<const CHANNELS: u32>(inputs: &Inputs<'_>, first: usize, out: &mut [f32]) {
     let beta = inputs.beta[0][0];
     let (out, _) = out.as_chunks_mut::<WIDTH>();
-    let rows = &inputs.rows[first..][..out.len()];
-    for (&place, out) in rows.iter().zip(out) {
+    for (&place, out) in inputs.rows[first..].iter().zip(out) {
         if place == 0 {
             *out = [0.0; WIDTH];
             continue;
         }
-        let place = place.min(p.rows) as usize - 1;
-        let mut light = single(inputs, 0, place);
-        if p.channels == 3 {
-            light = [light[0], single(inputs, 1, place)[1], single(inputs, 2, place)[2], 0.0];
+        let place = place.min(inputs.p.rows) as usize - 1;
+        let light = match CHANNELS {
+            3 => [single(inputs, 0, place)[0], single(inputs, 1, place)[1], single(inputs, 2, place)[2], 0.0],
+            _ => single(inputs, 0, place),
+        };
+        for c in 0..WIDTH {
+            out[c] = f32::from_bits((light[c] * beta).to_bits() & inputs.color[c]);
         }
-        *out = [light[0] * beta, light[1] * beta, light[2] * beta, 0.0];
     }
 }
 

@@ -101,29 +101,23 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
     film[..width * height].par_chunks_mut(BLOCK * width).enumerate().for_each(|(row, film)| {
         for column in (0..across).filter(|x| range.contains(&((row * across + x) as u32))) {
             let corner = [column * BLOCK, row * BLOCK];
-            let mut pixels = [[[0.0; 4]; 2]; BLOCK * BLOCK];
-            let out = &mut pixels;
-            compiled_for!(isa, upsample<S>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; BLOCK * BLOCK]));
-            for (line, found) in film.chunks_exact_mut(width).zip(pixels.chunks_exact(BLOCK)) {
-                let line = &mut line[corner[0]..];
-                let count = line.len().min(BLOCK);
-                line[..count].copy_from_slice(&found[..count]);
-            }
+            compiled_for!(isa, upsample<S>(inputs: &Inputs<'_>, corner: [usize; 2], film: &mut [Pixel]));
         }
     });
     Ok(())
 }
 
-/// The pixels of a block from `corner` on, row by row. Those past the picture's edge are as its last.
+/// The pixels of a block from `corner` on, into a film that begins with the block's first row. Those past the picture's edge are as its
+/// last, and left out.
 #[inline(always)]
-fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; BLOCK * BLOCK]) {
+fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], film: &mut [Pixel]) {
     let p = inputs.p;
     let size = [p.full_width as usize, p.full_height as usize];
     let at = |a: usize, n: usize| (corner[a] + n).min(size[a] - 1);
     let mut whole = Patch::<S>::new(p, p.scale, inputs.medium, corner);
     let level = (inputs.surface.is_empty() && inputs.rims.is_empty()).then(|| whole.level());
     let mut rims = (!inputs.rims.is_empty()).then(|| Patch::<S>::new(p, p.scale / 2, inputs.rims, corner));
-    for (part, out) in out.chunks_exact_mut(LANES).enumerate() {
+    for (part, lines) in film.chunks_mut(ROWS * size[0]).enumerate() {
         let row = part * ROWS;
         let x: [usize; LANES] = lanes!(i => at(0, i % BLOCK));
         let y: [usize; LANES] = lanes!(i => at(1, row + i / BLOCK));
@@ -150,8 +144,21 @@ fn upsample<S: Simd>(inputs: &Inputs<'_>, corner: [usize; 2], out: &mut [Pixel; 
         let alpha = (all - (tr + tg + tb)) / all;
         let light = together([color[0], color[1], color[2], alpha]);
         let through = together([through[0], through[1], through[2], depth]);
-        for i in 0..LANES {
-            out[i] = [light[i], through[i]];
+        for (line, first) in lines.chunks_exact_mut(size[0]).zip((0..LANES).step_by(BLOCK)) {
+            let line = &mut line[corner[0]..];
+            // So many that the loop is unrolled, or those before the picture's edge.
+            match line.first_chunk_mut::<BLOCK>() {
+                Some(all) => {
+                    for n in 0..BLOCK {
+                        all[n] = [light[first + n], through[first + n]];
+                    }
+                }
+                None => {
+                    for (n, to) in (first..).zip(line) {
+                        *to = [light[n], through[n]];
+                    }
+                }
+            }
         }
     }
 }
