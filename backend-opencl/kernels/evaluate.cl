@@ -7,8 +7,9 @@ void moment(const Bound *bound, size_t row, uint count, float3 *found);
 
 void run_evaluate(const Bound *bound) {
     float3 found[ROWS];
+    size_t n = item();
     if (bound->params->folded == 0u) {
-        size_t n = item() * ROWS;
+        n *= ROWS;
         if (n >= bound->launch->count) {
             return;
         }
@@ -20,10 +21,10 @@ void run_evaluate(const Bound *bound) {
         }
         return;
     }
-    if (item() >= bound->launch->count) {
+    if (n >= bound->launch->count) {
         return;
     }
-    uint index = bound->launch->start + (uint)item();
+    uint index = bound->launch->start + (uint)n;
     uint coefficients = bound->params->coefficients;
     uint cluster = index / bound->params->per_cluster;
     float3 sum = (float3)(0.0f);
