@@ -32,7 +32,7 @@ pub(crate) struct Options {
     /// 001-table-3), or rows of them (000-table-1/50/nothing). Prints Markdown. Minutes a device.
     #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
     papers: Option<String>,
-    /// Measure how time grows with voxels, cells, directions, lights, Gaussians, lights of a basis, pixels and threads
+    /// Measure how time grows with voxels, cells, directions, lights, Gaussians, lights of a basis, skies, pixels and threads
     /// instead, with the exponent of each: all curves, or those whose name begins with CURVE. Prints Markdown. Minutes a
     /// device.
     #[arg(long, value_name = "CURVE", num_args = 0..=1, default_missing_value = "")]

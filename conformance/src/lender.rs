@@ -207,7 +207,7 @@ mod tests {
     fn what_was_narrowed_or_panicked_with_or_lent_often_does_not_come_back() {
         let (lender, opened) = lender();
         let mut narrowed = lender.lend().unwrap();
-        let limits = narrowed.info().limits.clone();
+        let limits = narrowed.info().limits;
         narrowed.narrow(&limits);
         drop(narrowed);
         let lent = lender.lend().unwrap();

@@ -297,6 +297,15 @@ impl LightsEstimate {
             Self::Local(_) => SurfaceShadow::None,
         }
     }
+
+    fn validate(&self) -> Result<(), EstimateError> {
+        match self {
+            Self::Opacity(opacity) => range("cells", opacity.cells, Opacity::MAX_CELLS)?,
+            Self::Local(local) => local.validate()?,
+            Self::Direct(_) => (),
+        }
+        self.surface_shadow().validate()
+    }
 }
 
 /// The medium's own shadow.
@@ -330,6 +339,21 @@ pub enum EstimateError {
     /// A sun that cannot be taken out.
     #[error("extract_sun = true {0}")]
     Sun(&'static str),
+    /// What is wrong with the estimator of one light.
+    #[error("{what}")]
+    Part {
+        /// The field of [`Estimate`].
+        part: &'static str,
+        /// What is wrong with it.
+        what: Box<EstimateError>,
+    },
+}
+
+impl EstimateError {
+    /// The same, of the field of [`Estimate`] that it is about.
+    fn of(part: &'static str) -> impl Fn(Self) -> Self {
+        move |what| Self::Part { part, what: Box::new(what) }
+    }
 }
 
 impl Sweeps {
@@ -414,13 +438,14 @@ impl Estimate {
                 return Err(EstimateError::Conflict(text));
             }
             match all {
-                AllEstimate::Path(path) => path.validate()?,
-                AllEstimate::Transfer(transfer) => transfer.validate(phase)?,
+                AllEstimate::Path(path) => path.validate(),
+                AllEstimate::Transfer(transfer) => transfer.validate(phase),
             }
+            .map_err(EstimateError::of("all"))?;
         }
         match &self.environment {
             Some(EnvironmentEstimate::Records(records)) => {
-                records.validate(phase)?;
+                records.validate(phase).map_err(EstimateError::of("environment"))?;
                 if records.extract_sun == ExtractSun::Always && self.lights.is_none() {
                     return Err(EstimateError::Sun(
                         "lights the sun by estimate.lights, which is \"none\"; give it \"opacity\" or \"direct\", or leave \
@@ -430,15 +455,12 @@ impl Estimate {
             }
             None => (),
         }
-        if let Some(LightsEstimate::Opacity(opacity)) = &self.lights {
-            range("cells", opacity.cells, Opacity::MAX_CELLS)?;
-        }
-        if let Some(LightsEstimate::Local(local)) = &self.lights {
-            local.validate()?;
+        if let Some(lights) = &self.lights {
+            lights.validate().map_err(EstimateError::of("lights"))?;
         }
         if let Some(ScatteringEstimate::Sweeps(sweeps)) = &self.scattering {
-            sweeps.validate(phase)?;
+            sweeps.validate(phase).map_err(EstimateError::of("scattering"))?;
         }
-        self.lights.as_ref().map_or(Ok(()), |lights| lights.surface_shadow().validate())
+        Ok(())
     }
 }

@@ -183,13 +183,12 @@ fn build(root: &Node, frame: u32, folder: &Path, read: ReadVolume<'_>, kept: &mu
 
 /// What a scene's own check refuses, at the key that is responsible.
 fn refused(root: &Node, error: &SceneError) -> Fault {
-    let of = if root.at(&["estimate", "all"]).is_some() { "estimate.all" } else { "estimate.environment" };
-    let key = responsible(error, of);
+    let key = responsible(error);
     Fault::new(root.locate(&key), format!("{key}: {error}"))
 }
 
-/// The key whose value a scene's own check refuses, where `of` is that of the estimator in question.
-fn responsible(error: &SceneError, of: &str) -> String {
+/// The key whose value a scene's own check refuses.
+fn responsible(error: &SceneError) -> String {
     let key = match error {
         SceneError::Camera(e) => match e {
             CameraError::Direction(..) => "camera.target",
@@ -207,10 +206,14 @@ fn responsible(error: &SceneError, of: &str) -> String {
         },
         SceneError::Environment(_) => "environment",
         SceneError::Background { .. } => "background",
-        SceneError::Estimate(EstimateError::Range { key, .. }) => return format!("{of}.{key}"),
-        SceneError::Estimate(EstimateError::Conflict(_)) if of == "estimate.all" => of,
-        SceneError::Estimate(EstimateError::Conflict(_)) => "estimate.environment.content",
+        SceneError::Estimate(EstimateError::Part { part, what }) => match &**what {
+            EstimateError::Range { key, .. } => return format!("estimate.{part}.{key}"),
+            EstimateError::Conflict(_) if *part == "environment" => "estimate.environment.content",
+            _ => return format!("estimate.{part}"),
+        },
         SceneError::Estimate(EstimateError::Sun(_)) => "estimate.environment.extract_sun",
+        // What brings all light, beside others or in a scene that it does not fit.
+        SceneError::Estimate(_) => "estimate.all",
         SceneError::Eye(_) => "camera.origin",
         SceneError::Quality { key, .. } => return format!("quality.{key}"),
     };

@@ -94,6 +94,10 @@ fn what_the_scene_itself_refuses_has_a_line_too() {
          HEALPix takes 12·n² directions with n from 1 to 64; the next is 108"
     );
     assert_eq!(
+        told("anisotropy = 0.5\n[estimate]\nscattering = { bands = 4 }"),
+        "9:14: estimate.scattering.directions: directions = 48; 4 bands of spherical harmonics need at least 108 directions"
+    );
+    assert_eq!(
         told("anisotropy = 0.5\n[estimate]\nenvironment = { content = \"transmittance\" }"),
         "9:27: estimate.environment.content: content = \"transmittance\" holds for an isotropic phase function only; \
          take \"radiance\" or \"phase\", or set anisotropy = 0"
