@@ -114,7 +114,6 @@ const CPU: Backend = Backend {
         ("reconstruct", "row", MEMORY),
         ("reconstruct", "singles", LANES),
         ("reconstruct", "single", LANES),
-        ("reconstruct", "each_its_own", LANES),
         ("reconstruct", "summed", LANES),
         ("reconstruct", "four", LANES),
         ("path", "turns", ALONE),
