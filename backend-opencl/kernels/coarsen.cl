@@ -6,7 +6,7 @@ float share(float begin, float end, uint i);
 F shares(float begin, float end, uint i);
 
 void run_coarsen(const Bound *bound) {
-    size_t n = item();
+    size_t n = get_global_id(0);
     if (n >= bound->launch->count) {
         return;
     }

@@ -7,9 +7,8 @@ void moment(const Bound *bound, size_t row, uint count, float3 *found);
 
 void run_evaluate(const Bound *bound) {
     float3 found[ROWS];
-    size_t n = item();
     if (bound->params->folded == 0u) {
-        n *= ROWS;
+        size_t n = get_global_id(0) * ROWS;
         if (n >= bound->launch->count) {
             return;
         }
@@ -21,10 +20,10 @@ void run_evaluate(const Bound *bound) {
         }
         return;
     }
-    if (n >= bound->launch->count) {
+    if (get_global_id(0) >= bound->launch->count) {
         return;
     }
-    uint index = bound->launch->start + (uint)n;
+    uint index = bound->launch->start + (uint)get_global_id(0);
     uint coefficients = bound->params->coefficients;
     uint cluster = index / bound->params->per_cluster;
     float3 sum = (float3)(0.0f);

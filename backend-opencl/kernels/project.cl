@@ -21,7 +21,7 @@ uint phase_size(const Bound *bound) {
 }
 
 void run_project(const Bound *bound) {
-    size_t n = item() * CHUNK;
+    size_t n = get_global_id(0) * CHUNK;
     if (n >= bound->launch->count) {
         return;
     }

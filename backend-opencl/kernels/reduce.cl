@@ -3,7 +3,7 @@
 float mean(const Bound *bound, uint3 cell, float sum);
 
 void run_reduce(const Bound *bound) {
-    size_t n = item();
+    size_t n = get_global_id(0);
     // Loops may turn as often as they need to: the last pass does all.
     if (n >= bound->launch->count || bound->params->row_end < ALL_ROWS) {
         return;

@@ -95,7 +95,7 @@ F3 behind(const Bound *bound, U x, U y, U pixel);
 INLINE F4 seen(const Bound *bound, U pixel, uint s);
 
 void run_upsample(const Bound *bound) {
-    size_t begin = item() * (TAKEN * WIDTH);
+    size_t begin = get_global_id(0) * (TAKEN * WIDTH);
     size_t n = begin / (BLOCK * BLOCK);
     if (n >= bound->launch->count) {
         return;

@@ -400,14 +400,9 @@ INLINE PAIR_float fetch_pair(__global const float *from, I i) {
     return pair;
 }
 
-// A work-item's number within its dispatch, which is rows of them.
-size_t item(void) {
-    return get_global_id(1) * get_global_size(0) + get_global_id(0);
-}
-
 // Number of a packet's first element within its dispatch.
 size_t number(void) {
-    return item() * WIDTH;
+    return get_global_id(0) * WIDTH;
 }
 
 // Numbers of the elements of the packet that begins with `first`, of so many; lanes past the last repeat it.
