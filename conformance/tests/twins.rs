@@ -32,6 +32,7 @@ const GROUPS: &str = "lanes whose lookups fall between the same texels are looke
 const RAYS: &str = "rays of an invocation walk from box to box together";
 const STEPS: &str = "several steps a turn, where drivers run both sides of every condition";
 const OPPOSITE: &str = "opposite neighbours share a walk";
+const NEAR: &str = "boxes near a packet are kept in a list, where elsewhere walks begin at the first of them";
 const SLICE: &str = "a slice is handed to the helper instead";
 
 const CPU: Backend = Backend {
@@ -56,6 +57,9 @@ const CPU: Backend = Backend {
         ("shadow", "run", MEMORY),
         ("march", "rows", "parameters are of one type elsewhere"),
         ("mesh", "new", CHECKED),
+        ("mesh", "passed", NEAR),
+        ("mesh", "within", NEAR),
+        ("mesh", "is_empty", NEAR),
         ("mesh", "leaf", "a range of triangles, which loops elsewhere write out"),
         ("mesh", "triangle", "memory is indexed where it is needed elsewhere"),
         ("mesh", "triangles", "memory is indexed where it is needed elsewhere"),
@@ -168,6 +172,7 @@ const CPU: Backend = Backend {
         ("field", "between", GROUPS),
     ],
     lacks: &[
+        ("mesh", "first_within", NEAR),
         ("coarsen", "share", "it is in reduce"),
         ("propagate", "integrated", "the parameters say so"),
         ("propagate", "counted", "the parameters say so"),

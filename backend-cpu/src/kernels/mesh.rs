@@ -5,6 +5,9 @@ use airlight_core::stage::MeshRecord;
 use crate::packet::{F, LANES, M, apart, dot, lanes, triple};
 use crate::simd::Simd;
 
+/// So many boxes of triangles are kept of one place: more than places have, unless triangles are small beside cells.
+const NEAR: usize = 32;
+
 /// Rays, and directions across them.
 pub(crate) struct Line<S> {
     origin: [F<S>; 3],
@@ -32,6 +35,14 @@ pub(crate) struct Mesh<'a> {
     nodes: u32,
     /// The first box that `blocked` asks for.
     begin: usize,
+}
+
+/// Boxes of triangles that rays of one place may reach, which are found once for all of them.
+pub(crate) struct Near<'a> {
+    boxes: [u32; NEAR],
+    count: usize,
+    /// The mesh behind the last of them; nothing unless there were more than fit.
+    rest: Mesh<'a>,
 }
 
 /// The rays along unit `direction`s, with a frame across each (Duff et al. 2017).
@@ -90,32 +101,43 @@ impl<'a> Mesh<'a> {
                 node = self.records[2 * node].number as usize;
                 continue;
             }
-            for triangle in self.leaf(node) {
-                let at = self.crossed(of, triangle)[0];
-                let stands = at.ge(F::ZERO).and(at.lt(limit));
-                open = open.and(stands.not());
-            }
+            open = self.passed(of, node, limit, open);
             node += 1;
         }
         active.and(open.not())
     }
 
-    /// The mesh from the first box of triangles on that reaches into those from `lower` to `upper`; none where none does.
+    /// The rays that no triangle of a box stands in the way of, of those that are `open`.
     #[inline(always)]
-    pub(crate) fn first_within<S: Simd>(&self, lower: [F<S>; 3], upper: [F<S>; 3]) -> Option<Self> {
+    fn passed<S: Simd>(&self, of: &Line<S>, node: usize, limit: F<S>, mut open: M<S>) -> M<S> {
+        for triangle in self.leaf(node) {
+            let at = self.crossed(of, triangle)[0];
+            let stands = at.ge(F::ZERO).and(at.lt(limit));
+            open = open.and(stands.not());
+        }
+        open
+    }
+
+    /// The boxes of triangles that reach into those from `lower` to `upper`.
+    #[inline(always)]
+    pub(crate) fn within<S: Simd>(&self, lower: [F<S>; 3], upper: [F<S>; 3]) -> Near<'a> {
+        let mut near = Near { boxes: [0; NEAR], count: 0, rest: *self };
         let mut node = 0;
-        while node < self.nodes as usize {
+        while node < self.nodes as usize && near.count < NEAR {
             let (low, high) = (self.place(2 * node), self.place(2 * node + 1));
             let [x, y, z] = triple!(a => F::splat(high[a]).ge(lower[a]).and(upper[a].ge(F::splat(low[a]))));
             if !x.and(y).and(z).any() {
                 node = self.records[2 * node].number as usize;
-            } else if self.leaf(node).is_empty() {
-                node += 1;
-            } else {
-                return Some(Self { begin: node, ..*self });
+                continue;
             }
+            if !self.leaf(node).is_empty() {
+                near.boxes[near.count] = node as u32;
+                near.count += 1;
+            }
+            node += 1;
         }
-        None
+        near.rest.begin = node;
+        near
     }
 
     /// The triangles of a box.
@@ -186,6 +208,25 @@ impl<'a> Mesh<'a> {
     pub(crate) fn places<S: Simd>(&self, at: [usize; LANES], n: usize) -> [F<S>; 4] {
         let records: &[[f32; 4]] = bytemuck::cast_slice(self.records);
         apart(lanes!(i => records[at[i] + n]))
+    }
+}
+
+impl Near<'_> {
+    /// Whether there are none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Where a triangle stands within `limit` metres.
+    #[inline(always)]
+    pub(crate) fn blocked<S: Simd>(&self, of: &Line<S>, limit: F<S>) -> M<S> {
+        let mut open = M::ALL;
+        for &node in &self.boxes[..self.count] {
+            if self.rest.meets(of, node as usize, limit).and(open).any() {
+                open = self.rest.passed(of, node as usize, limit, open);
+            }
+        }
+        open.not().or(self.rest.blocked(of, limit, open))
     }
 }
 

@@ -10,7 +10,7 @@ use super::mesh::{Mesh, line};
 use crate::Isa;
 use crate::device::Memory;
 use crate::isa::compiled_for;
-use crate::packet::{F, LANES, M, dot, lanes, triple};
+use crate::packet::{F, LANES, dot, lanes, triple};
 use crate::simd::Simd;
 
 /// Packets that one task takes at the least.
@@ -57,7 +57,10 @@ fn obstruct<S: Simd>(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32
     let reach = triple!(a => from[a].abs() * 1e-6 + 1.001 * reach[a]);
     let lower = triple!(a => from[a] - reach[a]);
     let upper = triple!(a => from[a] + reach[a]);
-    let Some(mesh) = inputs.mesh.first_within(lower, upper) else { return };
+    let near = inputs.mesh.within(lower, upper);
+    if near.is_empty() {
+        return;
+    }
     for bit in p.neighbor_begin..p.neighbor_end {
         if bit == Obstruct::NEIGHBORS / 2 {
             continue;
@@ -67,7 +70,7 @@ fn obstruct<S: Simd>(inputs: &Inputs<'_>, cell: [usize; LANES], words: &mut [u32
         let way = triple!(a => to[a] - from[a]);
         let far = dot(way, way).sqrt();
         let toward = triple!(a => way[a] / far);
-        let stands = mesh.blocked(&line(from, toward), far, M::ALL);
+        let stands = near.blocked(&line(from, toward), far);
         for (i, word) in words.iter_mut().enumerate() {
             *word |= u32::from(stands.lane(i)) << bit;
         }

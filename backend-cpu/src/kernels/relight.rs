@@ -55,9 +55,16 @@ fn relight<S: Simd>(inputs: Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
         let glowing = Cells::<S>::new(first, count, 3 * p.emission_coefficients as usize);
         if layers == 1 {
             let mut sum = [F::ZERO; 3];
-            for (k, light) in inputs.light.iter().enumerate() {
-                let record = record(inputs, &cells, k);
-                sum = triple!(c => sum[c] + record[c] * light[c]);
+            // Two loops: where what was loaded once and what was loaded for each channel meet, compilers keep lanes, not registers.
+            if p.channels == 1 {
+                for (k, light) in inputs.light.iter().enumerate() {
+                    let record = record(inputs, &cells, k, 0);
+                    sum = triple!(c => sum[c] + record * light[c]);
+                }
+            } else {
+                for (k, light) in inputs.light.iter().enumerate() {
+                    sum = triple!(c => sum[c] + record(inputs, &cells, k, c) * light[c]);
+                }
             }
             let glow = glow(inputs, &glowing, 0);
             sum = triple!(c => sum[c] + glow[c] * p.emission_weight);
@@ -68,8 +75,9 @@ fn relight<S: Simd>(inputs: Inputs<'_>, first: usize, out: &mut [[f32; 4]]) {
             }
         } else {
             for (layer, light) in inputs.light.iter().enumerate().take(layers) {
-                let (record, glow) = (record(inputs, &cells, layer), glow(inputs, &glowing, layer));
-                lay(&triple!(c => (record[c] + glow[c]) * light[c]), out, layer, layers);
+                let glow = glow(inputs, &glowing, layer);
+                let values = triple!(c => (record(inputs, &cells, layer, c) + glow[c]) * light[c]);
+                lay(&values, out, layer, layers);
             }
         }
     }
@@ -83,14 +91,12 @@ fn lay<S: Simd>(values: &[F<S>; 3], out: &mut [[f32; 4]], layer: usize, layers: 
     }
 }
 
-/// Coefficient `k` of the records of up to sixteen cells; a record of one channel serves all three.
+/// Coefficient `k` of the records of up to sixteen cells, of a channel; a record of one channel serves all three.
 #[inline(always)]
-fn record<S: Simd>(inputs: Inputs<'_>, cells: &Cells<S>, k: usize) -> [F<S>; 3] {
+fn record<S: Simd>(inputs: Inputs<'_>, cells: &Cells<S>, k: usize, channel: usize) -> F<S> {
     let p = inputs.p;
     let (channels, plane) = (p.channels as usize, if p.planar == 1 { p.cells as usize } else { 1 });
-    let of = |c: usize| cells.values(inputs.records, (k * channels + c) * plane);
-    let first = of(0);
-    if channels == 1 { [first; 3] } else { [first, of(1), of(2)] }
+    cells.values(inputs.records, (k * channels + channel.min(channels - 1)) * plane)
 }
 
 /// Coefficient `k` of the moments of the cells' emission.
