@@ -1,38 +1,45 @@
 //! `obstruct` against its twin.
 
 use airlight::device::Usage;
+use airlight::glam::DVec3;
 use airlight::reference;
+use airlight::scene::{Material, Mesh};
 use airlight::stage::{GridParams, Obstruct, ObstructParams, Stage};
 use bytemuck::Zeroable;
 use libtest_mimic::Failed;
 
 use super::case;
 use crate::bench::{Bench, cuts};
-use crate::fixtures::{DIMS, Map, room};
+use crate::fixtures::{DIMS, Map, ball, room};
 use crate::{Case, Record, Subject, check, tolerance};
 
 pub(crate) fn cases() -> Vec<Case> {
     let sets = [
-        ("few_cells", Map::Plain, [4, 3, 5]),
-        ("many_cells", Map::Plain, [13, 9, 17]),
-        ("a_row_of_cells", Map::Plain, [1, 1, 7]),
-        ("rotated", Map::Rotated, [7, 5, 6]),
-        ("sheared", Map::Sheared, [7, 5, 6]),
-        ("mirrored", Map::Mirrored, [7, 5, 6]),
+        ("few_cells", Map::Plain, [4, 3, 5], room as fn() -> Mesh),
+        ("many_cells", Map::Plain, [13, 9, 17], room),
+        ("a_row_of_cells", Map::Plain, [1, 1, 7], room),
+        ("small_triangles", Map::Plain, [5, 4, 6], crowd),
+        ("rotated", Map::Rotated, [7, 5, 6], room),
+        ("sheared", Map::Sheared, [7, 5, 6], room),
+        ("mirrored", Map::Mirrored, [7, 5, 6], room),
     ];
-    let made = |(name, map, cells): (&str, Map, [u32; 3])| {
+    let made = |(name, map, cells, surfaces): (&str, Map, [u32; 3], fn() -> Mesh)| {
         case("obstruct", name, "obstructed neighbours", &tolerance::EXACT, move |subject, record| {
-            one(subject, record, map, cells)
+            one(subject, record, map, cells, &surfaces())
         })
     };
     sets.into_iter().map(made).collect()
 }
 
-fn one(subject: &Subject, record: &mut Record, map: Map, cells: [u32; 3]) -> Result<(), Failed> {
+/// A ball of 1800 triangles, of which a cell has more than devices keep in lists.
+fn crowd() -> Mesh {
+    ball(DVec3::new(0.25, -0.15, 0.6), 0.22, 15, Material::default())
+}
+
+fn one(subject: &Subject, record: &mut Record, map: Map, cells: [u32; 3], surfaces: &Mesh) -> Result<(), Failed> {
     let lattice = map.lattice(DIMS);
     let grid = GridParams::new(&lattice);
-    let room = room();
-    let hierarchy = room.hierarchy().expect("the room has triangles");
+    let hierarchy = surfaces.hierarchy().expect("there are triangles");
     let side = |a: usize| grid.dims[a] as f32 / cells[a] as f32;
     let mut params = ObstructParams::zeroed();
     params.dims = grid.dims;
