@@ -32,14 +32,13 @@ float draw(Draws *numbers) {
 
 // The optical depth at which a draw ends a free flight: -ln(1 - u).
 float optical_depth(float u) {
-    // x = m 2^n with m from 1 to 2, and halved where it is above the root of 2.
+    // x = m 2^n with m from 1 to 2, and halved where it is above the root of 2. By integers: of a choice between floats compilers
+    // make a branch, which nothing foretells.
     uint bits = as_uint(1.0f - u);
-    float m = as_float((bits & 0x007fffffu) | 0x3f800000u);
-    int n = (int)(bits >> 23) - 127;
-    if (m > 1.4142135f) {
-        m = 0.5f * m;
-        n += 1;
-    }
+    uint mantissa = (bits & 0x007fffffu) | 0x3f800000u;
+    uint above = mantissa > as_uint(1.4142135f) ? 1u : 0u;
+    float m = as_float(mantissa - (above << 23));
+    int n = (int)((bits >> 23) + above) - 127;
     // The series of 2 artanh(s) to s^9, |s| <= 0.172, ends below 1e-9.
     float s = (m - 1.0f) / (m + 1.0f);
     float z = s * s;

@@ -54,16 +54,7 @@ INLINE float advance(const Bound *bound, Walk *on, Draws *numbers) {
     float side = convert_float(cells.w);
     int3 onward = on->direction > (float3)(0.0f) ? (int3)(1) : (int3)(0);
     float3 leave = (convert_float3(on->cell + onward) * side - 0.5f - on->origin) / on->direction;
-    float exit = leave.z;
-    int3 across = (int3)(0, 0, 2 * onward.z - 1);
-    if (leave.x <= leave.y && leave.x <= leave.z) {
-        exit = leave.x;
-        across = (int3)(2 * onward.x - 1, 0, 0);
-    } else if (leave.y <= leave.z) {
-        exit = leave.y;
-        across = (int3)(0, 2 * onward.y - 1, 0);
-    }
-    exit = min(exit, on->far);
+    float exit = min(min(min(leave.x, leave.y), leave.z), on->far);
     size_t number = ((size_t)on->cell.z * cells.y + on->cell.y) * cells.x + on->cell.x;
     float most = bound->majorant[number].y;
     if (most > 0.0f) {
@@ -77,7 +68,10 @@ INLINE float advance(const Bound *bound, Walk *on, Draws *numbers) {
         }
     }
     on->t = max(on->t, exit);
-    on->cell += across;
+    // Through the nearest wall, without branches that nothing foretells.
+    int x = (leave.x <= leave.y) & (leave.x <= leave.z);
+    int y = (leave.y <= leave.z) & (1 - x);
+    on->cell += (2 * onward - 1) * (int3)(x, y, 1 - x - y);
     bool outside = any(on->cell < (int3)(0)) || any(on->cell >= convert_int3(cells.xyz));
     on->over = exit >= on->far || outside;
     return 0.0f;

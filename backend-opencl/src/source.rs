@@ -152,7 +152,7 @@ pub(crate) fn of(stage: &Stage, lanes: Lanes) -> Source {
         Stage::Accumulate(_) => (file!("accumulate.cl"), looked_up(March::BLOCK * March::BLOCK)),
         Stage::Coarsen(_) => (file!("coarsen.cl"), rows),
         Stage::Illuminate(_) => (file!("illuminate.cl"), looked_up(1)),
-        Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), wide)),
+        Stage::Sweep(_) => (file!("sweep.cl"), ((1, 1), looking_up)),
         Stage::Obstruct(_) => (file!("obstruct.cl"), packets(1)),
         Stage::Path(_) => (file!("path.cl"), scalars(1)),
         Stage::Evaluate(evaluate) => (
@@ -188,9 +188,9 @@ pub(crate) struct Dispatch {
 /// Work-items of a team where each is a lane.
 const TEAM: u32 = 256;
 
-/// Rows that a work-item of `evaluate` goes through together: of sixteen lanes as many as leave its sums in registers.
+/// Rows that a work-item of `evaluate` goes through together: as many as leave its sums in registers.
 fn evaluate_rows(lanes: u32) -> u32 {
-    if lanes == 1 { 1 } else { lanes / 2 }
+    if lanes < 16 { 1 } else { 8 }
 }
 
 /// Cells that a work-item of `reconstruct` goes through: some where it is a core's, which keeps what they share.
