@@ -27,7 +27,7 @@ pub(crate) fn run(stage: &Obstruct, range: Range<u32>, memory: &mut Memory<'_>, 
     let inputs = Inputs { p: &stage.params, mesh: Mesh::new(read.buf(stage.mesh)?, stage.params.nodes) };
     let out: &mut [u32] = bytemuck::cast_slice_mut(out.remove(0));
     let (start, last) = (range.start as usize, range.end as usize - 1);
-    out[start..=last].par_chunks_mut(LANES).with_min_len(TASK).enumerate().for_each(|(n, words)| {
+    out[start..=last].par_chunks_mut(LANES).with_min_len(TASK).with_max_len(TASK).enumerate().for_each(|(n, words)| {
         let first = start + n * LANES;
         let cell: [usize; LANES] = lanes!(i => (first + i).min(last));
         let inputs = &inputs;

@@ -98,7 +98,7 @@ pub(crate) fn run(stage: &Upsample, range: Range<u32>, memory: &mut Memory<'_>, 
     let film: &mut [Pixel] = bytemuck::cast_slice_mut(out.remove(0));
     let (width, height) = (p.full_width as usize, p.full_height as usize);
     let across = width.div_ceil(BLOCK);
-    film[..width * height].par_chunks_mut(BLOCK * width).enumerate().for_each(|(row, film)| {
+    film[..width * height].par_chunks_mut(BLOCK * width).enumerate().with_max_len(1).for_each(|(row, film)| {
         for column in (0..across).filter(|x| range.contains(&((row * across + x) as u32))) {
             let corner = [column * BLOCK, row * BLOCK];
             compiled_for!(isa, upsample<S>(inputs: &Inputs<'_>, corner: [usize; 2], film: &mut [Pixel]));
