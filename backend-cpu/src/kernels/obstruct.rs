@@ -13,7 +13,7 @@ use crate::isa::compiled_for;
 use crate::packet::{F, LANES, dot, lanes, triple};
 use crate::simd::Simd;
 
-/// Packets that one task takes at the least.
+/// Packets that one task takes: some cells have many triangles near, and most none.
 const TASK: usize = 4;
 
 struct Inputs<'a> {
