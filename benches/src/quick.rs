@@ -76,7 +76,8 @@ const OPEN: &str = "prepare/open";
 const UPLOAD: &str = "prepare/upload";
 /// `relight` of one cell.
 const DISPATCH: &str = "prepare/dispatch";
-const COMPILE: &str = "prepare/compile";
+/// What the first runs of all stages take longer than later ones, on a device just opened.
+pub const COMPILE: &str = "prepare/compile";
 const FIRST_FRAME: &str = "prepare/first-frame";
 
 /// Runs are repeated until they have taken this long together,

@@ -24,8 +24,8 @@ pub(crate) struct Options {
     /// there is. Ratios are to the first.
     #[arg(long, value_name = "ID")]
     device: Vec<String>,
-    /// Measure so many times, each time all devices one after the other, and take the median of all runs: what disturbs
-    /// a machine for seconds then disturbs all of them alike.
+    /// Measure all of it so many times, and take the median of all runs. An entry is measured on all devices, one after the
+    /// other, before the next is: what disturbs a machine for seconds then disturbs all of them alike.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), conflicts_with = "pages")]
     rounds: u32,
     /// Repeat the papers' own measurements instead: all tables, or those whose name begins with TABLE (001,
@@ -58,28 +58,46 @@ impl Measured {
         self.timings.iter().find(|timing| timing.name == name)
     }
 
-    /// One round of measurements more, unless an earlier one ended with a fault.
-    fn add(&mut self, names: &[String], [round, rounds]: [u32; 2]) {
+    /// One round of an entry more, unless there was a fault before.
+    fn add(&mut self, name: &str) {
         if self.fault.is_some() {
             return;
         }
         let id = self.info.id();
-        let mut meter = Meter::new();
-        let mut done = round as usize * names.len();
         let measured = quick::measure(
             || Ok(airlight::open(&id)?),
-            |name| names.iter().any(|chosen| chosen == name),
-            |timing| {
-                done += 1;
-                match self.timings.iter_mut().find(|earlier| earlier.name == timing.name) {
-                    Some(earlier) => earlier.pool(timing),
-                    None => self.timings.push(timing),
-                }
-                meter.show(format_args!("bench {id}"), done as f32 / (names.len() * rounds as usize) as f32);
+            |entry| entry == name,
+            |timing| match self.timings.iter_mut().find(|earlier| earlier.name == timing.name) {
+                Some(earlier) => earlier.pool(timing),
+                None => self.timings.push(timing),
             },
         );
         self.fault = measured.err().map(|fault| fault.to_string());
     }
+}
+
+/// Rounds of entries, each on all devices.
+fn measure(names: &[String], subjects: Vec<DeviceInfo>, rounds: u32) -> Vec<Measured> {
+    let mut measured: Vec<_> =
+        subjects.into_iter().map(|info| Measured { info, timings: Vec::new(), fault: None }).collect();
+    // Drivers keep on disk what other entries make them compile, so what compiling takes comes first.
+    let mut order: Vec<&String> = names.iter().collect();
+    order.sort_by_key(|name| *name != quick::COMPILE);
+    let mut meter = Meter::new();
+    let (mut done, whole) = (0, order.len() * measured.len() * rounds as usize);
+    for _ in 0..rounds {
+        for name in &order {
+            for device in &mut measured {
+                meter.show(format_args!("bench {name} {}", device.info.id()), done as f32 / whole as f32);
+                device.add(name);
+                done += 1;
+            }
+        }
+    }
+    for device in &mut measured {
+        device.timings.sort_by_key(|timing| names.iter().position(|name| *name == timing.name));
+    }
+    measured
 }
 
 pub(crate) fn run(options: &Options) -> Done {
@@ -96,11 +114,7 @@ pub(crate) fn run(options: &Options) -> Done {
         return curves::run(&curves, &subjects, &absent, limit, options.json);
     }
     let names = entries(&options.entries)?;
-    let mut measured: Vec<_> =
-        subjects.into_iter().map(|info| Measured { info, timings: Vec::new(), fault: None }).collect();
-    for round in 0..options.rounds {
-        measured.iter_mut().for_each(|device| device.add(&names, [round, options.rounds]));
-    }
+    let measured = measure(&names, subjects, options.rounds);
     if options.json {
         output::json(&report(&measured, &absent))?;
     } else {
