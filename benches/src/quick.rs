@@ -163,7 +163,7 @@ fn measure_stages(
         // Every stage has a part in the compilation.
         if compiles || chosen(&name) {
             let (stage, elements, unit) = rig.stage(stage, &view)?;
-            let (first, runs) = timed(&mut rig, &stage)?;
+            let (first, runs) = if chosen(&name) { timed(&mut rig, &stage)? } else { compiled(&mut rig, &stage)? };
             let timing = Timing::new(name, runs, Some((elements, unit)));
             compiling += first.saturating_sub(timing.median());
             if chosen(&timing.name) {
@@ -184,6 +184,17 @@ fn timed(rig: &mut Rig, stage: &Stage) -> Result<(Duration, Vec<Duration>), Faul
     let first = begin.elapsed();
     settle(|| Ok(rig.run(stage)?))?;
     Ok((first, repeat(|| Ok(()), |()| Ok(rig.run(stage)?))?))
+}
+
+/// The times of a stage's first run and of a few more, which tell what compiling it takes.
+fn compiled(rig: &mut Rig, stage: &Stage) -> Result<(Duration, Vec<Duration>), Fault> {
+    let mut run = || -> Result<Duration, Fault> {
+        let begin = Instant::now();
+        rig.run(stage)?;
+        Ok(begin.elapsed())
+    };
+    let first = run()?;
+    Ok((first, (0..FEWEST).map(|_| run()).collect::<Result<_, _>>()?))
 }
 
 /// Repeats `run` until it has settled.
