@@ -388,7 +388,7 @@ fn failing(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
 
 fn slow(subject: &Subject, record: &mut Record) -> Result<(), Failed> {
     // Far more than any piece of these stages takes; where other work held up another stage for so long, again.
-    const TRIES: usize = 20;
+    const TRIES: usize = 5;
     let (by, patience) = (Duration::from_millis(1200), Duration::from_secs(1));
     record.each(&stages(), |record, &broken| {
         let mut found = None;
