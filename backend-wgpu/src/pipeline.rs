@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use airlight_core::device::DeviceError;
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, Sampler,
+    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, PipelineCompilationOptions, Sampler,
     SamplerBindingType, ShaderModule, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
     TextureViewDimension,
 };
@@ -150,7 +150,11 @@ impl Pipeline {
                 layout: Some(&layout),
                 module: &module,
                 entry_point: Some(name),
-                compilation_options: Default::default(),
+                // Kernels write what they share before they read it.
+                compilation_options: PipelineCompilationOptions {
+                    zero_initialize_workgroup_memory: false,
+                    ..Default::default()
+                },
                 cache: None,
             });
             Self { compute, layouts, sampler: sampler.cloned() }

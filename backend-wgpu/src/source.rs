@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use airlight_core::device::{FieldFormat, Helper, KernelElement, KernelFile, KernelLanguage, KernelScalar};
 use airlight_core::device::{KernelStruct, Recipe};
 use airlight_core::kernel_struct;
-use airlight_core::stage::{Inject, Stage};
+use airlight_core::stage::{Inject, Project, Stage};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
 pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
@@ -205,6 +205,9 @@ pub(crate) const ABREAST: u32 = 8;
 /// neighbours along one direction.
 const CELLS: u32 = 8;
 
+/// Directions that those cells are marched from before they are summed: as many as 16 KiB of a workgroup's memory have room for.
+const AHEAD: u32 = 64;
+
 /// Samples along each side of what an invocation of `inject` takes on those drivers.
 const CUBE: u32 = 4;
 
@@ -273,6 +276,7 @@ pub(crate) fn of(stage: &Stage) -> Source {
         Stage::Reconstruct(reconstruct) if reconstruct.params.view == 0 => (1, &["rows", "weights"]),
         Stage::Reconstruct(_) => (1, &["weights"]),
         Stage::Relight(relight) if relight.params.layers == 1 => (1, &["records"]),
+        Stage::Project(_) => (1, &["weights", "emission_weights"]),
         Stage::Trace(_) | Stage::Shadow(_) => (RAYS, &[]),
         _ => (1, &[]),
     };
@@ -350,7 +354,10 @@ impl Source {
         prelude += &WGSL.integer("WIDE", wide);
         prelude += &WGSL.integer("ROWS", rows);
         prelude += &WGSL.integer("TALL", tall);
-        prelude += &WGSL.integer("CELLS", if known.is_some() { CELLS } else { 1 });
+        // On processors an invocation of `project` takes a cell alone, elsewhere a workgroup does.
+        let (invocations, ahead) = if known.is_some() { (CELLS, AHEAD) } else { (Project::LANES, 1) };
+        prelude += &WGSL.integer("INVOCATIONS", invocations);
+        prelude += &WGSL.integer("AHEAD", ahead);
         prelude += &WGSL.integer("PACKS", PACKS);
         prelude += &WGSL.integer("RAYS", if known.is_some() { RAYS } else { 1 });
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });

@@ -21,8 +21,8 @@
 //!
 //! The loops of a pass of n directions turn at the most n (1 + s + K + E + P) + ⌈n / 64⌉ P + 3 (K + E) + 2 P times: s is
 //! the steps of the longest ray, K and E the coefficients of the record and of the emission's moments, and P, the parts
-//! of 64 values of the largest record, counts where [`Project::LANES`] = 64 invocations share a cell, or
-//! eight cells side by side, whose directions are taken eight at a time: then loops turn no more often.
+//! of 64 values of the largest record, counts where [`Project::LANES`] = 64 invocations share a cell. Where one takes a
+//! cell alone, loops turn no more often.
 
 use crate::basis::SphericalHarmonics;
 use crate::device::{Binding, Buf, Field, FieldFormat};
