@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use airlight_core::device::DeviceError;
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, PipelineCompilationOptions, Sampler,
-    SamplerBindingType, ShaderModule, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
+    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePipeline, PipelineCompilationOptions,
+    Sampler, SamplerBindingType, ShaderModule, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
     TextureViewDimension,
 };
 

@@ -32,7 +32,8 @@ const GROUPS: &str = "lanes whose lookups fall between the same texels are looke
 const RAYS: &str = "rays of an invocation walk from box to box together";
 const STEPS: &str = "several steps a turn, where drivers run both sides of every condition";
 const OPPOSITE: &str = "opposite neighbours share a walk";
-const CELL: &str = "an invocation takes a cell, and twelve values of its record at once, where drivers run on processors";
+const CELL: &str =
+    "an invocation takes a cell, and twelve values of its record at once, where drivers run on processors";
 const NEAR: &str = "boxes near a packet are kept in a list, where elsewhere walks begin at the first of them";
 const SLICE: &str = "a slice is handed to the helper instead";
 
