@@ -4,8 +4,6 @@
 
 // Values of a record and of the emission's moments that one invocation of a workgroup may have to sum.
 const SLOTS: u32 = (6u * HARMONICS_MAX + LANES - 1u) / LANES;
-// Values of a record that an invocation of a cell alone sums at a time: three texels of weights, or one that serves three channels.
-const SUMMED: u32 = 12u;
 
 // What comes along a direction: transmittance, and light that the medium sends.
 struct Gathered {
@@ -13,8 +11,8 @@ struct Gathered {
     glow: vec3<f32>,
 }
 
-var<workgroup> transmittances: array<vec3<f32>, AHEAD * INVOCATIONS>;
-var<workgroup> glows: array<vec3<f32>, AHEAD * INVOCATIONS>;
+var<workgroup> transmittances: array<vec3<f32>, SHARED>;
+var<workgroup> glows: array<vec3<f32>, SHARED>;
 
 fn phase_value(i: u32) -> f32 {
     return read_phase_table(i);
@@ -27,9 +25,9 @@ fn phase_size() -> u32 {
 @compute @workgroup_size(INVOCATIONS)
 fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let n = number(id);
-    if AHEAD > 1u {
+    if ALONE {
         if n * INVOCATIONS + lane < launch.count {
-            alone(taken(n * INVOCATIONS + lane), lane);
+            alone(taken(n * INVOCATIONS + lane), id.x >> 31u);
         }
     } else if n < launch.count {
         together(launch.start + n, lane);
@@ -95,36 +93,87 @@ fn together(cell: u32, lane: u32) {
     }
 }
 
-// A cell by one invocation. What it sums stays in memory from batch to batch.
-fn alone(cell: u32, lane: u32) {
+// A cell by one invocation. `none` is zero, which drivers cannot tell: loops over sums stay loops, which are built in less time.
+fn alone(cell: u32, none: u32) {
     let place = cell - launch.first;
     let values = params.coefficients * max(params.channels, params.weight_channels);
     let glow_values = params.emission_coefficients * 3u;
-    if params.direction_begin == 0u {
-        for (var v = 0u; v < values; v++) {
-            records[place * values + v] = 0.0;
+    var record = RecordSums();
+    var glow = GlowSums();
+    if !has_occupancy || read_occupancy(place).y > 0.0 {
+        if params.direction_begin > 0u {
+            // The sums of the passes before.
+            for (var n = none; n < RECORD_FOURS; n++) {
+                turned_records(&record, held_records(place * values, values, 4u * n));
+            }
+            for (var n = none; n < GLOW_FOURS; n++) {
+                turned_glows(&glow, held_glows(place * glow_values, glow_values, 4u * n));
+            }
         }
-        for (var v = 0u; v < glow_values; v++) {
-            emission_records[place * glow_values + v] = 0.0;
+        let stride = params.coefficients * params.weight_channels;
+        let origin = middle_of(cell);
+        for (var i = params.direction_begin; i < params.direction_end; i++) {
+            let seen = gather(origin, read_directions(i).xyz);
+            let at = i * stride;
+            // Rows that begin with a texel all do.
+            sum_records(&record, at / 4u, select(at % 4u, 0u, stride % 4u == 0u), seen.transmittance);
+            if has_emission_weights {
+                let glow_at = i * params.emission_coefficients;
+                sum_glows(&glow, glow_at / 4u, glow_at % 4u, seen.glow);
+            }
         }
     }
-    if has_occupancy && !(read_occupancy(place).y > 0.0) {
-        return;
+    for (var n = none; n < RECORD_FOURS; n++) {
+        keep_records(place * values, values, 4u * n, turned_records(&record, vec4<f32>()));
     }
-    let origin = middle_of(cell);
-    for (var first = params.direction_begin; first < params.direction_end; first += AHEAD) {
-        let batch = min(AHEAD, params.direction_end - first);
-        for (var i = 0u; i < batch; i++) {
-            let seen = gather(origin, read_directions(first + i).xyz);
-            transmittances[i * INVOCATIONS + lane] = seen.transmittance;
-            glows[i * INVOCATIONS + lane] = seen.glow;
-        }
-        for (var v = 0u; v < values; v += SUMMED) {
-            sum_records(place * values, values, v, first, batch, lane);
-        }
-        for (var v = 0u; v < glow_values; v += SUMMED) {
-            sum_glows(place * glow_values, glow_values, v, first, batch, lane);
-        }
+    for (var n = none; n < GLOW_FOURS; n++) {
+        keep_glows(place * glow_values, glow_values, 4u * n, turned_glows(&glow, vec4<f32>()));
+    }
+}
+
+// Four values of a record of so many, which begins at `begin`, from its value `v` on; others past its end.
+fn held_records(begin: u32, values: u32, v: u32) -> vec4<f32> {
+    let at = begin + min(v + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(values - 1u));
+    return vec4<f32>(records[at.x], records[at.y], records[at.z], records[at.w]);
+}
+
+// Writes those of the record.
+fn keep_records(begin: u32, values: u32, v: u32, four: vec4<f32>) {
+    let at = begin + v;
+    if v < values {
+        records[at] = four.x;
+    }
+    if v + 1u < values {
+        records[at + 1u] = four.y;
+    }
+    if v + 2u < values {
+        records[at + 2u] = four.z;
+    }
+    if v + 3u < values {
+        records[at + 3u] = four.w;
+    }
+}
+
+// Four values of the emission's moments, as those of a record.
+fn held_glows(begin: u32, values: u32, v: u32) -> vec4<f32> {
+    let at = begin + min(v + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(values - 1u));
+    return vec4<f32>(emission_records[at.x], emission_records[at.y], emission_records[at.z], emission_records[at.w]);
+}
+
+// Writes those of the moments.
+fn keep_glows(begin: u32, values: u32, v: u32, four: vec4<f32>) {
+    let at = begin + v;
+    if v < values {
+        emission_records[at] = four.x;
+    }
+    if v + 1u < values {
+        emission_records[at + 1u] = four.y;
+    }
+    if v + 2u < values {
+        emission_records[at + 2u] = four.z;
+    }
+    if v + 3u < values {
+        emission_records[at + 3u] = four.w;
     }
 }
 
@@ -193,103 +242,6 @@ fn sum_glow(sum: f32, v: u32, first: u32, batch: u32) -> f32 {
         total += glows[i][c] * read_emission_weights((first + i) * params.emission_coefficients + k);
     }
     return total;
-}
-
-// Adds the directions of a batch to the values of the record from `v` on, which begins at `begin`.
-fn sum_records(begin: u32, values: u32, v: u32, first: u32, batch: u32, lane: u32) {
-    let stride = params.coefficients * params.weight_channels;
-    // One channel of weights serves three of transmittance.
-    let serves = params.channels > params.weight_channels;
-    let offset = select(v, v / 3u, serves);
-    let end = begin + values;
-    let place = begin + v;
-    var sums = mat3x4<f32>(held_records(place, end), held_records(place + 4u, end), held_records(place + 8u, end));
-    for (var i = 0u; i < batch; i++) {
-        let at = (first + i) * stride + offset;
-        let off = select(at % 4u, 0u, stride % 4u == 0u && !serves);
-        let a = read_four_weights(at / 4u);
-        let b = read_four_weights(at / 4u + 1u);
-        let near = from_two(a, b, off);
-        var weights = spread(near);
-        if !serves {
-            let c = read_four_weights(at / 4u + 2u);
-            let d = read_four_weights(at / 4u + 3u);
-            weights = mat3x4<f32>(near, from_two(b, c, off), from_two(c, d, off));
-        }
-        sums += products(weights, transmittances[i * INVOCATIONS + lane]);
-    }
-    keep_records(place, end, sums[0]);
-    keep_records(place + 4u, end, sums[1]);
-    keep_records(place + 8u, end, sums[2]);
-}
-
-// Adds the directions of a batch to the values of the emission's moments from `v` on, which begin at `begin`.
-fn sum_glows(begin: u32, values: u32, v: u32, first: u32, batch: u32, lane: u32) {
-    let end = begin + values;
-    let place = begin + v;
-    var sums = mat3x4<f32>(held_emission_records(place, end), held_emission_records(place + 4u, end), held_emission_records(place + 8u, end));
-    for (var i = 0u; i < batch; i++) {
-        let at = (first + i) * params.emission_coefficients + v / 3u;
-        let near = from_two(read_four_emission_weights(at / 4u), read_four_emission_weights(at / 4u + 1u), at % 4u);
-        sums += products(spread(near), glows[i * INVOCATIONS + lane]);
-    }
-    keep_emission_records(place, end, sums[0]);
-    keep_emission_records(place + 4u, end, sums[1]);
-    keep_emission_records(place + 8u, end, sums[2]);
-}
-
-// Four values from a place on, of those before an end.
-fn held_records(place: u32, end: u32) -> vec4<f32> {
-    let at = min(place + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(end - 1u));
-    return vec4<f32>(records[at.x], records[at.y], records[at.z], records[at.w]);
-}
-
-// Writes those before the end.
-fn keep_records(place: u32, end: u32, four: vec4<f32>) {
-    if place < end {
-        records[place] = four.x;
-    }
-    if place + 1u < end {
-        records[place + 1u] = four.y;
-    }
-    if place + 2u < end {
-        records[place + 2u] = four.z;
-    }
-    if place + 3u < end {
-        records[place + 3u] = four.w;
-    }
-}
-
-// Four values from a place on, of those before an end.
-fn held_emission_records(place: u32, end: u32) -> vec4<f32> {
-    let at = min(place + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(end - 1u));
-    return vec4<f32>(emission_records[at.x], emission_records[at.y], emission_records[at.z], emission_records[at.w]);
-}
-
-// Writes those before the end.
-fn keep_emission_records(place: u32, end: u32, four: vec4<f32>) {
-    if place < end {
-        emission_records[place] = four.x;
-    }
-    if place + 1u < end {
-        emission_records[place + 1u] = four.y;
-    }
-    if place + 2u < end {
-        emission_records[place + 2u] = four.z;
-    }
-    if place + 3u < end {
-        emission_records[place + 3u] = four.w;
-    }
-}
-
-// Four weights, each for three values that follow each other.
-fn spread(w: vec4<f32>) -> mat3x4<f32> {
-    return mat3x4<f32>(w.xxxy, w.yyzz, w.zwww);
-}
-
-// Twelve values of which each has its weight, and is of each channel in turn.
-fn products(weights: mat3x4<f32>, rgb: vec3<f32>) -> mat3x4<f32> {
-    return mat3x4<f32>(weights[0] * rgb.xyzx, weights[1] * rgb.yzxy, weights[2] * rgb.zxyz);
 }
 
 // Unit direction in the world from the eye to a point of index space.

@@ -139,7 +139,8 @@ impl WgpuDevice {
             }
         }
         self.store.reserve(&self.gpu, bindings, variant.fetched)?;
-        let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers: part.gathers, known: None };
+        let (gathers, sums) = (part.gathers, part.sums());
+        let mut key = Key { name: part.name, shapes, fetched: variant.fetched, gathers, sums, known: None };
         if self.texels {
             let words = bytemuck::cast_slice(stage.params());
             let built = self.pipelines.len();

@@ -9,7 +9,7 @@ use airlight_core::stage::Stage;
 
 use crate::propagate::{IN_ORDER, PIECES};
 use crate::source::sweep::Kernel as Kind;
-use crate::source::{self, ABREAST, Fact, Fetched, Numbers, Place, Shape, Text, Variant, order};
+use crate::source::{self, ABREAST, Fact, Fetched, Numbers, Place, Shape, Sums, Text, Variant, order};
 
 /// What decides a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -18,6 +18,7 @@ pub(crate) struct Key {
     pub(crate) shapes: Vec<Shape>,
     pub(crate) fetched: Fetched,
     pub(crate) gathers: bool,
+    pub(crate) sums: Sums,
     /// What it was built to know of the parameters, where kernels copy them.
     pub(crate) known: Option<Numbers>,
 }
@@ -313,6 +314,14 @@ impl Part {
         }
     }
 
+    /// What it has sums for, of `project`.
+    pub(crate) fn sums(&self) -> Sums {
+        match &self.kernel {
+            Kernel::Stage(source) => source.sums,
+            Kernel::Sweep(_) | Kernel::Order => Sums::default(),
+        }
+    }
+
     /// Whether it looks the field of that name up between texels.
     pub(crate) fn interpolates(&self, field: &str) -> bool {
         match &self.kernel {
@@ -353,7 +362,8 @@ mod tests {
     use super::*;
 
     fn key() -> Key {
-        Key { name: "a", shapes: Vec::new(), fetched: Fetched::default(), gathers: false, known: None }
+        let (shapes, fetched, sums) = Default::default();
+        Key { name: "a", shapes, fetched, gathers: false, sums, known: None }
     }
 
     /// Of each dispatch two places, of which the second is of two words.

@@ -10,9 +10,11 @@ use airlight_core::stage::{Inject, Project, Stage};
 
 pub(crate) use airlight_core::device::{KernelText as Text, Shape, ShapeKind};
 pub(crate) use reads::{Fact, Place, TEXELS_ACROSS, words};
+pub(crate) use sums::Sums;
 
 pub(crate) mod order;
 mod reads;
+mod sums;
 pub(crate) mod sweep;
 
 const WGSL: KernelLanguage = KernelLanguage::Wgsl;
@@ -205,9 +207,6 @@ pub(crate) const ABREAST: u32 = 8;
 /// neighbours along one direction.
 const CELLS: u32 = 8;
 
-/// Directions that those cells are marched from before they are summed: as many as 16 KiB of a workgroup's memory have room for.
-const AHEAD: u32 = 64;
-
 /// Samples along each side of what an invocation of `inject` takes on those drivers.
 const CUBE: u32 = 4;
 
@@ -242,6 +241,8 @@ pub(crate) struct Source {
     singly: bool,
     /// The buffer of floats that it reads and writes.
     pub(crate) rewritten: Option<&'static str>,
+    /// Of `project`.
+    pub(crate) sums: Sums,
     file: KernelFile,
     recipe: Recipe,
 }
@@ -288,7 +289,18 @@ pub(crate) fn of(stage: &Stage) -> Source {
     };
     let singly = matches!(stage, Stage::Classify(classify) if classify.params.channels() == 1);
     let rewritten = matches!(stage, Stage::Propagate(_)).then_some("values");
-    Source { name: stage.name(), alone, each, fours, wide, singly, rewritten, file, recipe: Recipe::of(stage) }
+    Source {
+        name: stage.name(),
+        alone,
+        each,
+        fours,
+        wide,
+        singly,
+        rewritten,
+        sums: Sums::of(stage),
+        file,
+        recipe: Recipe::of(stage),
+    }
 }
 
 impl Source {
@@ -355,9 +367,10 @@ impl Source {
         prelude += &WGSL.integer("ROWS", rows);
         prelude += &WGSL.integer("TALL", tall);
         // On processors an invocation of `project` takes a cell alone, elsewhere a workgroup does.
-        let (invocations, ahead) = if known.is_some() { (CELLS, AHEAD) } else { (Project::LANES, 1) };
+        let (invocations, shared) = if known.is_some() { (CELLS, 1) } else { (Project::LANES, Project::LANES) };
+        prelude += &WGSL.truth("ALONE", known.is_some());
         prelude += &WGSL.integer("INVOCATIONS", invocations);
-        prelude += &WGSL.integer("AHEAD", ahead);
+        prelude += &WGSL.integer("SHARED", shared);
         prelude += &WGSL.integer("PACKS", PACKS);
         prelude += &WGSL.integer("RAYS", if known.is_some() { RAYS } else { 1 });
         prelude += &WGSL.integer("WALKED", if known.is_some() { WALKED } else { 1 });
@@ -390,6 +403,9 @@ impl Source {
                         + &uniform(shape)
                 }
             };
+        }
+        if self.name == "project" {
+            prelude += &self.sums.text();
         }
         if self.name == "project" && shapes.iter().all(|shape| shape.name != order::ORDER) {
             prelude += &order::none();

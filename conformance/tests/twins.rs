@@ -32,8 +32,7 @@ const GROUPS: &str = "lanes whose lookups fall between the same texels are looke
 const RAYS: &str = "rays of an invocation walk from box to box together";
 const STEPS: &str = "several steps a turn, where drivers run both sides of every condition";
 const OPPOSITE: &str = "opposite neighbours share a walk";
-const CELL: &str =
-    "an invocation takes a cell, and twelve values of its record at once, where drivers run on processors";
+const CELL: &str = "an invocation takes a cell, where drivers run on processors";
 const NEAR: &str = "boxes near a packet are kept in a list, where elsewhere walks begin at the first of them";
 const SLICE: &str = "a slice is handed to the helper instead";
 
@@ -253,14 +252,10 @@ const WGPU: Backend = Backend {
         ("project", "taken", "cells in an order, those that hold the medium first, where several march together"),
         ("project", "together", "a workgroup takes a cell"),
         ("project", "alone", CELL),
-        ("project", "sum_records", CELL),
-        ("project", "sum_glows", CELL),
         ("project", "held_records", CELL),
-        ("project", "held_emission_records", CELL),
         ("project", "keep_records", CELL),
-        ("project", "keep_emission_records", CELL),
-        ("project", "spread", CELL),
-        ("project", "products", CELL),
+        ("project", "held_glows", CELL),
+        ("project", "keep_glows", CELL),
         ("project", "middle_of", "cells that a workgroup or an invocation takes"),
         ("classify", "write", "four voxels share the control points and where they are"),
     ],
