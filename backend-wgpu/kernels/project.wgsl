@@ -131,7 +131,7 @@ fn alone(cell: u32, none: u32) {
     }
 }
 
-// Four values of a record of so many, which begins at `begin`, from its value `v` on; others past its end.
+// Four values of a record of so many, which begins at `begin`, from its value `v` on; past its end others, which nothing keeps.
 fn held_records(begin: u32, values: u32, v: u32) -> vec4<f32> {
     let at = begin + min(v + vec4<u32>(0u, 1u, 2u, 3u), vec4<u32>(values - 1u));
     return vec4<f32>(records[at.x], records[at.y], records[at.z], records[at.w]);
